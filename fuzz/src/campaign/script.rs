@@ -106,10 +106,14 @@ impl Script {
             let found = word(option).and_then(|word| word.parse::<f64>().ok());
             found.ok_or_else(|| format!("{name}: its first line gives no {option}"))
         };
+        let strikes = word("--strikes").and_then(|word| word.split_once(':'));
+        let (strikes, interval) = strikes
+            .and_then(|(strikes, interval)| Some((strikes.parse::<f64>().ok()?, interval.parse().ok()?)))
+            .ok_or_else(|| format!("{name}: its first line gives no --strikes K:S"))?;
         Ok(Self {
             faults: faults::parse(text, name).map_err(|error| error.to_string())?,
-            strikes: number("--strikes")? as u32,
-            interval: number("--interval")?,
+            strikes: strikes as u32,
+            interval,
             seed: number("--seed")? as u64,
         })
     }
@@ -123,7 +127,7 @@ impl Script {
             ..
         } = self;
         let mut text = format!(
-            "# bead emulate docs/scenarios/paper-strike.toml --bead 8 --strikes {strikes} --interval {interval} --seed {seed} --faults\n"
+            "# bead emulate docs/scenarios/paper-strike.toml --bead 8 --strikes {strikes}:{interval} --seed {seed} --faults\n"
         );
         for fault in &self.faults {
             let _ = write!(

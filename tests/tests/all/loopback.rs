@@ -24,7 +24,7 @@ use stm32f405_qemu::{AnalogWire, Fault, FaultKind, Poke, Run};
 
 /// Address of the bead. Without one, every request that changes its state would wait for other beads.
 const BEAD: u8 = 0;
-/// Codes rms of an input, as `bead emulate --wire` has it.
+/// Codes rms of an input, as `bead emulate` has it at the end of a wire.
 const NOISE: f64 = 0.4;
 
 /// A fault of the line between host and bead.

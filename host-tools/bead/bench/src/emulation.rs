@@ -227,7 +227,7 @@ impl Emulation {
             // Rounded up, so that the time in the message suffices.
             let least = (lasts * 1e4).ceil() / 1e4;
             return Err(BenchError::Unfit(format!(
-                "--interval {} s: a strike and its ring-down take {least} s; give at least that",
+                "--strikes …:{}: a strike and its ring-down take {least} s; give at least that",
                 timing.interval,
             )));
         }
@@ -235,7 +235,7 @@ impl Emulation {
         if long > LONGEST {
             return Err(BenchError::Unfit(format!(
                 "{} strikes every {} s are {long:.0} s of the bead's time, and {LONGEST} s fit in memory; give fewer \
-                 --strikes or a shorter --interval",
+                 --strikes or a shorter time between them",
                 timing.strikes, timing.interval
             )));
         }

@@ -391,7 +391,7 @@ pub fn check(faults: &[Planned], seconds: f64) -> Result<(), BenchError> {
         } else if fault.cause().is_some() && at + within > seconds {
             format!(
                 "the run ends at {seconds} s, before the bead can tell of {name} at {at} s, which takes up to {within} s; give \
-                 more --strikes or a longer --interval"
+                 more --strikes or a longer time between them"
             )
         } else {
             continue;

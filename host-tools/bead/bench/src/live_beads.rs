@@ -6,13 +6,12 @@
 //! scans, and on crystals that differ the strikes would drift apart. Edges at their sync inputs come every
 //! `SYNC_EVERY` for an hour. The beads have one pace: when a busy computer holds one up, all wait for it.
 
-use std::env;
 use std::path::Path;
-use std::process;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
 use hertz_chain::Scenario;
+use tempfile::TempDir;
 
 use crate::bridge::{self, Bridge, Door, Pace};
 use crate::emulation::{Emulation, Placed};
@@ -33,11 +32,13 @@ const LEAD_IN: f64 = 0.05;
 pub struct LiveBeads {
     beads: Vec<(Emulation, Door, Address)>,
     pace: f64,
+    /// Folder of the sockets, of a name that no program has used. It goes when this is dropped.
+    _sockets: TempDir,
 }
 
 impl LiveBeads {
-    /// Puts beads at these places of a chain, each behind a socket in the folder for temporary files. Their
-    /// settings state these uncertainties, if any. `seed` is that of the noise.
+    /// Puts beads at these places of a chain, each behind a socket in a folder for temporary files. Their
+    /// settings state these uncertainties, if any. `seed` is that of the noise; without one there is none.
     ///
     /// # Errors
     /// A bead has no intruder, no settings fit it, or its socket cannot be made.
@@ -46,7 +47,7 @@ impl LiveBeads {
         front_end: &AnalogFrontEnd,
         beads: &[usize],
         uncertainty: Option<Uncertainty>,
-        seed: u64,
+        seed: Option<u64>,
         image: &Path,
     ) -> Result<Self, BenchError> {
         let solution = simulate_with_ring_down(scenario)?;
@@ -55,7 +56,16 @@ impl LiveBeads {
             strikes: 1,
             interval: 1.0,
         };
-        let placed = several::placed(beads, &Crystals::Each(vec![0.0]), 0.0, seed, true)?;
+        let placed = several::placed(
+            beads,
+            &Crystals::Each(vec![0.0]),
+            0.0,
+            seed.unwrap_or(0),
+            seed.is_some(),
+        )?;
+        let sockets = tempfile::Builder::new().prefix("bead-").tempdir();
+        let sockets =
+            sockets.map_err(|error| BenchError::unfit("cannot make a folder for sockets", error))?;
         let open = placed.into_iter().map(|placed| {
             let placed = Placed {
                 uncertainty,
@@ -63,13 +73,13 @@ impl LiveBeads {
             };
             let mut emulation = Emulation::place(scenario, &solution, placed, front_end, timing, image)?;
             emulation.sync_until((1..).map(|number| f64::from(number) * SYNC_EVERY), SYNC_FOR);
-            let name = format!("bead-{}-{}.sock", process::id(), placed.address);
-            let address = Address::Unix(env::temp_dir().join(name));
+            let address = Address::Unix(sockets.path().join(format!("{}.sock", placed.address)));
             Ok((emulation, Door::open(&address)?, address))
         });
         Ok(Self {
             beads: open.collect::<Result<_, BenchError>>()?,
             pace: 1.0,
+            _sockets: sockets,
         })
     }
 

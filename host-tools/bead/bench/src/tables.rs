@@ -1,4 +1,4 @@
-//! The tables of a scenario file that describe the bench: `[front_end]` and `[clock]`.
+//! The tables of a scenario file that describe the bench: `[front_end]`, `[clock]` and `[[analog_wire]]`.
 //!
 //! ```toml
 //! [front_end]
@@ -8,6 +8,11 @@
 //! [clock]
 //! ppm = [20.0, -35.0]     # crystal of each bead
 //! sync_period = 0.1       # s
+//!
+//! [[analog_wire]]         # in place of a sensor
+//! from = "PA4"
+//! to = "PA0"
+//! divider = 16.0
 //! ```
 //!
 //! The chain simulator does not know them, and a command that emulates nothing passes over them.
@@ -18,6 +23,7 @@ use serde::Deserialize;
 use crate::several::Crystals;
 use bead_compare::front_end::AnalogFrontEnd;
 use bead_recording::clock::CRYSTAL_PPM;
+use stm32f405_qemu::AnalogWire;
 
 /// Least time between two edges at the sync input, s. The bead reports edges that are more than 10 ms apart
 /// (`firmware/src/sync.rs`); the rest is for its own delay.
@@ -27,6 +33,9 @@ const START_SPREAD_MOST: f64 = 60.0;
 /// Paces of a bead that listens.
 const PACES: std::ops::RangeInclusive<f64> = 1e-3..=1e3;
 const SHIFT_MOST: u8 = 10;
+const DIVIDERS: std::ops::RangeInclusive<f64> = 1.0..=1e3;
+/// Noise of an input at the end of a wire, in codes rms: of the converter alone.
+const INPUT_NOISE: f64 = 0.4;
 
 /// The tables of the bench. Each may be missing.
 #[derive(Debug, Clone, Default, PartialEq, Deserialize)]
@@ -36,6 +45,8 @@ pub struct BenchTables {
     pub front_end: FrontEndTable,
     /// The beads' crystals, starts and sync edges.
     pub clock: ClockTable,
+    /// Wires from the part's outputs to its inputs, in place of sensors.
+    pub analog_wire: Vec<AnalogWireTable>,
 }
 
 impl BenchTables {
@@ -48,6 +59,7 @@ impl BenchTables {
         let file = TomlFile::parse(&text, file)?;
         let tables: Self = file.read()?;
         let checked = tables.front_end.front_end().and_then(|_| tables.clock.check());
+        let checked = checked.and_then(|()| tables.wires());
         checked.map_err(|error| file.locate(error))?;
         Ok(tables)
     }
@@ -58,6 +70,62 @@ impl BenchTables {
     /// The file is not TOML.
     pub fn text_in(text: &str, file: &str) -> Result<String, InputError> {
         Ok(TomlFile::parse(text, file)?.split(&Scenario::OTHER_TABLES).1)
+    }
+
+    /// The wires, none if the bead has sensors.
+    ///
+    /// # Errors
+    /// [`InputError`] without file and line: there cannot be such a wire.
+    pub fn wires(&self) -> Result<Vec<AnalogWire>, InputError> {
+        let wires = self.analog_wire.iter().enumerate();
+        wires.map(|(number, table)| table.wire(number)).collect()
+    }
+}
+
+/// `[[analog_wire]]`: a wire from an output of the converter from digital to analog to an input.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AnalogWireTable {
+    /// `PA4` or `PA5`.
+    pub from: String,
+    /// `PA0` to `PA3`: force and acceleration at the high gain and at the low gain.
+    pub to: String,
+    /// Number by which resistors in the wire divide the voltage; 1 without any.
+    #[serde(default = "AnalogWireTable::undivided")]
+    pub divider: f64,
+}
+
+impl AnalogWireTable {
+    fn undivided() -> f64 {
+        1.0
+    }
+
+    /// The wire, where the table is the one of this number in its file, counted from 0.
+    fn wire(&self, number: usize) -> Result<AnalogWire, InputError> {
+        let table = format!("analog_wire[{number}]");
+        let ends = [
+            ("from", &self.from, ["PA4", "PA5"].as_slice()),
+            ("to", &self.to, &["PA0", "PA1", "PA2", "PA3"]),
+        ];
+        for (key, pin, known) in ends {
+            if !known.contains(&pin.as_str()) {
+                let what = format!("no analog wire is at {pin:?}");
+                let advice = format!("give one of {}", known.join(", "));
+                return Err(InputError::at(format!("{table}.{key}"), what, advice));
+            }
+        }
+        let advice = "give a number from 1 to 1000, such as 16";
+        ensure(
+            DIVIDERS.contains(&self.divider),
+            &table,
+            "divider",
+            self.divider,
+            advice,
+        )?;
+        let mut wire = AnalogWire::new(&self.from, &self.to);
+        wire.gain = 1.0 / self.divider;
+        wire.noise = INPUT_NOISE;
+        Ok(wire)
     }
 }
 
@@ -102,9 +170,16 @@ pub struct FrontEndTable {
     pub wide_acceleration_span: Option<f64>,
     /// Pole of the anti-alias filters, Hz; 0 for none.
     pub pole: Option<f64>,
+    /// False for sensors, conditioner and converter without noise.
+    pub noise: Option<bool>,
 }
 
 impl FrontEndTable {
+    /// True unless the table takes the noise away.
+    pub fn has_noise(&self) -> bool {
+        self.noise != Some(false)
+    }
+
     /// The front end that the table describes.
     ///
     /// # Errors
@@ -168,6 +243,11 @@ impl FrontEndTable {
             )?;
             for channel in front_end.channels_mut() {
                 channel.pole_hz = (hz > 0.0).then_some(hz);
+            }
+        }
+        if !self.has_noise() {
+            for channel in front_end.channels_mut() {
+                channel.noise_rms = 0.0;
             }
         }
         Ok(front_end)
@@ -267,6 +347,22 @@ mod tests {
         let front_end = tables.front_end.front_end().unwrap();
         assert!(front_end.force.wide.pole_hz.is_none());
         assert!(front_end.force.wide.range().1 > 1400.0);
+        assert!(front_end.force.wide.noise_rms > 0.0);
+    }
+
+    #[test]
+    fn a_bench_has_wires_and_no_noise_if_its_tables_say_so() {
+        let tables =
+            read("[front_end]\nnoise = false\n[[analog_wire]]\nfrom = 'PA4'\nto = 'PA1'\ndivider = 16");
+        let tables = tables.unwrap();
+        assert_eq!(tables.wires().unwrap()[0].gain, 1.0 / 16.0);
+        let mut front_end = tables.front_end.front_end().unwrap();
+        assert!(
+            front_end
+                .channels_mut()
+                .into_iter()
+                .all(|channel| channel.noise_rms == 0.0)
+        );
     }
 
     #[test]
@@ -289,6 +385,23 @@ mod tests {
             let place = format!("s.toml:{}: {}: ", lines + 3, key.split(' ').next().unwrap());
             let refused = read(&table.replacen(' ', "\n", 1)).unwrap_err();
             assert!(refused.starts_with(&place) && refused.contains(why), "{refused}");
+        }
+        for (wire, why) in [
+            (
+                "from = 'PA0'\nto = 'PA0'",
+                r#"[0].from: no analog wire is at "PA0"; give one of PA4, PA5"#,
+            ),
+            (
+                "from = 'PA4'\nto = 'PA4'",
+                r#"[0].to: no analog wire is at "PA4"; give one of PA0, PA1"#,
+            ),
+            (
+                "from = 'PA4'\nto = 'PA0'\ndivider = 0",
+                "[0].divider: 0 is out of range; give a number from 1",
+            ),
+        ] {
+            let refused = read(&format!("[[analog_wire]]\n{wire}")).unwrap_err();
+            assert!(refused.contains(&format!("analog_wire{why}")), "{refused}");
         }
         let both = read("[clock]\nppm = [1.0]\nspread = 100.0").unwrap_err();
         assert!(both.contains("clock.spread: stands beside ppm"), "{both}");

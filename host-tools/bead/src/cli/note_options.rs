@@ -40,11 +40,6 @@ pub(crate) struct Author {
 }
 
 impl NoteOptions {
-    /// True if no note is given.
-    pub(crate) fn is_empty(&self) -> bool {
-        self.note.is_empty()
-    }
-
     /// The author of these notes, and of those that follow.
     pub(crate) fn author(&self) -> &Author {
         &self.author

@@ -12,7 +12,7 @@ fn a_stranger_gets_from_a_board_to_a_strike_by_the_commands_of_the_page() {
     let probe = FakeProbe::new();
     let folder = &probe.folder;
     copy_scenario(folder);
-    let emulate = "emulate docs/scenarios/paper-strike.toml --bead 8 --listen unix:bead.sock --wire PA4-PA0 --wire PA5-PA2";
+    let emulate = "emulate docs/scenarios/bench.toml --bead 8 --listen unix:bead.sock";
     let mut bead = RunningProgram::start(folder, emulate);
     assert_says(&bead.error_line(), "bead.sock");
 

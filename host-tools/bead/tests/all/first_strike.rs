@@ -81,5 +81,8 @@ fn a_stranger_gets_to_an_own_strike_in_pandas_by_the_commands_of_the_page() {
 /// Copies the paper's scenario to its path in the pages of docs/.
 pub(crate) fn copy_scenario(folder: &Path) {
     fs::create_dir_all(folder.join("docs/scenarios")).unwrap();
-    fs::copy(SCENARIO, folder.join("docs/scenarios/paper-strike.toml")).unwrap();
+    for name in ["paper-strike.toml", "bench.toml"] {
+        let scenarios = Path::new(SCENARIO).parent().unwrap();
+        fs::copy(scenarios.join(name), folder.join("docs/scenarios").join(name)).unwrap();
+    }
 }

@@ -166,6 +166,10 @@ fn fixture(folder: &Path) {
     wrong_scenarios(&scenario, &write);
     let bench = |tables: &str| format!("{scenario}\n{tables}\n").into_bytes();
     write("bench.toml", &bench("[front_end]\nforce_span = 0.0"));
+    write(
+        "wired.toml",
+        &bench("[[analog_wire]]\nfrom = \"PA4\"\nto = \"PA0\""),
+    );
     write("clocks.toml", &bench("[clock]\nppm = [20.0, -35.0]"));
     symlink("nothing", folder.join("nowhere.mcap")).unwrap();
     symlink("loop.toml", folder.join("loop.toml")).unwrap();

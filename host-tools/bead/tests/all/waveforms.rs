@@ -90,7 +90,13 @@ fn every_command_of_the_page_works() {
 #[test]
 fn a_strike_played_again_has_the_same_codes_from_every_form_of_file() {
     let folder = TestFolder::new();
-    let emulate = format!("bead emulate {SCENARIO} --bead 8 --noise off");
+    let scenario = fs::read_to_string(SCENARIO).unwrap();
+    fs::write(
+        folder.join("quiet.toml"),
+        scenario + "\n[front_end]\nnoise = false\n",
+    )
+    .unwrap();
+    let emulate = "bead emulate quiet.toml --bead 8";
     shell(&folder, &format!("{emulate} --out run"));
     shell(&folder, "bead export run/bead-8.mcap --out tables");
     shell(&folder, "bead export run/bead-8.mcap --out tables --format csv");

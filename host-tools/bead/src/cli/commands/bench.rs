@@ -33,7 +33,7 @@ Examples:
   bead bench --port /dev/ttyUSB0 --out capture.json
   bead bench --port /dev/ttyUSB0 --firmware bead-weact-f405.elf
   bead emulate docs/scenarios/paper-strike.toml --bead 8 \\
-      --listen unix:bead.sock --wire PA4-PA0 --wire PA5-PA2
+      --listen unix:bead.sock
     and, meanwhile: bead bench --port unix:bead.sock --requests 200";
 
 #[derive(Debug, Args)]

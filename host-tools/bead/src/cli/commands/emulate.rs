@@ -1,10 +1,10 @@
 //! `bead emulate`: the flash image in QEMU on what a bead would sense.
 
 use std::collections::BTreeMap;
+use std::env;
 use std::iter;
 use std::sync::Arc;
 
-use clap::builder::BoolishValueParser;
 use hertz_chain::Solution;
 use indicatif::ProgressBar;
 
@@ -13,7 +13,7 @@ use crate::cli::commands::emulated::EmulatedBead;
 use crate::cli::commands::emulated::{table, table_of_several};
 use crate::cli::commands::prelude::*;
 use crate::cli::commands::settings_file;
-use crate::cli::note_options::NoteOptions;
+use crate::cli::note_options::{Author, note};
 use crate::cli::provenance::sha256_of;
 use crate::cli::waveform_options::WaveformOptions;
 use bead_bench::bridge::{self, Bridge, Door, Pace};
@@ -35,7 +35,7 @@ use bead_compare::strike::FullChain;
 use bead_compare::verdict::other_length;
 use bead_instrument::Waveform;
 use bead_line::port::Address;
-use bead_recording::file::About;
+use bead_recording::file::{About, Note};
 use stm32f405_qemu::AnalogWire;
 
 const AFTER_HELP: &str = "\
@@ -54,11 +54,14 @@ time, from a text table (CSV of an oscilloscope, a spreadsheet, a program), WAV,
 The scenario then only says which bead it is. Each result stands beside what f64 estimates make of the \
 waveform: docs/waveforms.md.
 
-Two tables of the scenario file say how beads differ from the reference: [front_end] has sensors (weak or \
+Tables of the scenario file say how beads differ from the reference: [front_end] has sensors (weak or \
 strong), force_span, acceleration_span, wide_force_span, wide_acceleration_span, force_noise, \
-acceleration_noise and pole; [clock] has ppm (of each crystal), spread, start_spread, sync_period and shift, \
-and pace, the seconds of the bead's time in one of this computer's for --listen. docs/front-end.md and \
-docs/time.md explain them.
+acceleration_noise, pole and noise (false for none); [clock] has ppm (of each crystal), spread, start_spread, \
+sync_period and shift, and pace, the seconds of the bead's time in one of this computer's for --listen. With \
+--listen, [[analog_wire]] puts a wire from an output to an input in place of the sensors; inputs without one \
+are open. docs/front-end.md, docs/time.md and docs/bench.md explain them.
+
+QEMU_GDB=PORT in the environment lets the image wait for a debugger at this TCP port.
 
 Exit status 1 if a frame is lost, a sample overruns, the image resets, a strike is not seen or leaves the \
 range of a sensor, or replay differs. With --faults: if a fault is not reported, a fault is reported that was not provoked, a loss is not \
@@ -66,10 +69,8 @@ counted, or replay differs.
 
 Examples:
   bead emulate docs/scenarios/paper-strike.toml --bead 8 --out run
-  bead emulate docs/scenarios/paper-strike.toml --bead 8 --noise off \\
-      --format json
-  bead emulate docs/scenarios/paper-strike.toml --bead 8 --strikes 5 \\
-      --interval 0.05 --seed 7
+  bead emulate docs/scenarios/paper-strike.toml --bead 8 --format json
+  bead emulate docs/scenarios/paper-strike.toml --bead 8 --strikes 5:0.05 --seed 7
   bead emulate docs/scenarios/paper-strike.toml --bead 8 --strikes 60 \\
       --faults docs/scenarios/faults.toml
   bead emulate docs/scenarios/ten-intruders.toml --bead all --out run
@@ -81,8 +82,7 @@ Examples:
   bead emulate docs/scenarios/paper-strike.toml --bead 8 \\
       --listen unix:bead.sock
     and, meanwhile: bead command self-test --port unix:bead.sock
-  bead emulate docs/scenarios/paper-strike.toml --bead 8 \\
-      --listen unix:bead.sock --wire PA4-PA0 --wire PA5-PA2
+  bead emulate docs/scenarios/bench.toml --bead 8 --listen unix:bead.sock
     and, meanwhile: bead bench --port unix:bead.sock";
 
 #[derive(Debug, Args)]
@@ -102,8 +102,9 @@ pub(crate) struct Arguments {
     out: Option<PathBuf>,
     #[command(flatten)]
     overwrite: Overwrite,
-    #[command(flatten)]
-    notes: NoteOptions,
+    /// A note in the recording, such as operator=Ana specimen=A12; again for further ones.
+    #[arg(long, value_name = "KEY=VALUE", num_args = 1.., value_parser = note)]
+    note: Vec<Note>,
     /// Let the sensors feel this waveform, and not the scenario's strike: a text table, WAV, Parquet, or a
     /// recording.
     #[arg(long, value_name = "F")]
@@ -116,19 +117,12 @@ pub(crate) struct Arguments {
     /// end. What they have wrong, the results have too.
     #[arg(long, value_name = "F.toml|F.settings", conflicts_with = "uncertainty")]
     settings: Option<PathBuf>,
-    /// Number of strikes; how often the waveform is played.
-    #[arg(long, value_name = "K", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
-    strikes: u32,
-    /// Time from strike to strike, s.
-    #[arg(long, value_name = "S", default_value = "0.1", value_parser = positive)]
-    interval: f64,
+    /// Number of strikes, or how often the waveform is played, and the time from one to the next, s.
+    #[arg(long, value_name = "K[:S]", default_value = "1:0.1", value_parser = strikes)]
+    strikes: Strikes,
     /// Velocity of the striker, m/s [default: the scenario's].
     #[arg(long, value_name = "M/S", value_parser = positive)]
     velocity: Option<f64>,
-    /// Noise of sensors, conditioner and converter: as of the real ones, or off.
-    #[arg(long, value_name = "on|off", default_value = "on", action = clap::ArgAction::Set,
-        value_parser = BoolishValueParser::new(), hide_possible_values = true)]
-    noise: bool,
     /// Seed of the noise, and of what else is left to chance: the same seed gives the same codes.
     #[arg(long, value_name = "S", default_value_t = 1)]
     seed: u64,
@@ -139,13 +133,6 @@ pub(crate) struct Arguments {
     /// time passes as fast as it can while a program is connected, or as `pace` under [clock] says.
     #[arg(long, value_name = "ADDRESS", conflicts_with_all = ["out", "faults", "format"])]
     listen: Option<Address>,
-    /// With --listen, no sensors but a wire from an output to an input, PA4-PA0 or PA5-PA2; again for each
-    /// further one. PA4-PA1/16 has a divider in it. Inputs without a wire are open.
-    #[arg(long, value_name = "FROM-TO", requires = "listen", value_parser = wire)]
-    wire: Vec<AnalogWire>,
-    /// Wait for a debugger at this TCP port of this computer, and let it stop the image and look into it.
-    #[arg(long, value_name = "PORT")]
-    gdb: Option<u16>,
     /// Format of the result.
     #[arg(long, value_enum, default_value_t)]
     format: Format,
@@ -153,25 +140,42 @@ pub(crate) struct Arguments {
     waveform: WaveformOptions,
 }
 
-/// Noise of an input, in codes rms: of the converter alone.
-const INPUT_NOISE: f64 = 0.4;
-
-/// Parses a wire, as `PA4-PA0` or `PA4-PA1/16`.
-fn wire(text: &str) -> Result<AnalogWire, String> {
-    let wrong = || "give an output and an input, as in PA4-PA0; PA4-PA1/16 has a divider in it".to_owned();
-    let (from, to) = text.split_once('-').ok_or_else(wrong)?;
-    let (to, divider) = to.split_once('/').unwrap_or((to, "1"));
-    let divider: f64 = divider.parse().map_err(|_| wrong())?;
-    let known = ["PA4", "PA5"].contains(&from) && ["PA0", "PA1", "PA2", "PA3"].contains(&to);
-    if !known || !(1.0..=1000.0).contains(&divider) {
-        return Err(wrong());
-    }
-    let mut wire = AnalogWire::new(from, to);
-    wire.gain = 1.0 / divider;
-    wire.noise = INPUT_NOISE;
-    Ok(wire)
+/// `--strikes`.
+#[derive(Debug, Clone, Copy)]
+struct Strikes {
+    count: u32,
+    /// Time from one to the next, s.
+    interval: f64,
 }
 
+/// Parses a number of strikes with the time between them, as `5` or `5:0.05`.
+fn strikes(text: &str) -> Result<Strikes, String> {
+    let (count, interval) = match text.split_once(':') {
+        Some((count, interval)) => (count, positive(interval)?),
+        None => (text, INTERVAL),
+    };
+    match count.parse() {
+        Ok(count @ 1..=10_000) => Ok(Strikes { count, interval }),
+        _ => Err(
+            "give a whole number from 1 to 10000, and the seconds between strikes behind a colon".to_owned(),
+        ),
+    }
+}
+
+/// Returns the TCP port for a debugger that the environment asks for. QEMU's own user mode has the same name.
+fn debugger_port() -> Result<Option<u16>, Failure> {
+    let Some(port) = env::var_os("QEMU_GDB") else {
+        return Ok(None);
+    };
+    let shown = port.to_string_lossy();
+    let port = shown
+        .parse()
+        .map_err(|_| failure!(Input, "QEMU_GDB={shown}: give the number of a TCP port"))?;
+    Ok(Some(port))
+}
+
+/// Time from strike to strike where none is given, s.
+const INTERVAL: f64 = 0.1;
 /// Longest time from the first strike to the last, s, of all beads together: codes take 0.8 MB of memory a
 /// second.
 const LONGEST: f64 = 1200.0;
@@ -193,19 +197,19 @@ impl Arguments {
 
     /// Refuses options that do not go together, and more time of all beads together than fits in memory.
     fn check(&self, tables: &BenchTables, beads: usize) -> Result<(), Failure> {
-        let seconds = tables.clock.start_spread + self.interval * f64::from(self.strikes - 1);
+        let Strikes { count, interval } = self.strikes;
+        let seconds = tables.clock.start_spread + interval * f64::from(count - 1);
         let all = seconds * beads as f64;
         if beads > 1 && all > LONGEST {
             bail!(
                 Input,
                 "--bead: {beads} beads for {seconds:.1} s each are {all:.0} s, and the codes of {LONGEST} s fit in memory; give \
-                 fewer beads or --strikes, or a shorter --interval"
+                 fewer beads or --strikes, or a shorter time between them"
             );
         }
         let alone = [
             ("--listen", self.listen.is_some()),
             ("--faults", self.faults.is_some()),
-            ("--gdb", self.gdb.is_some()),
             ("--stimulus", self.stimulus.is_some()),
             ("--settings", self.settings.is_some()),
         ];
@@ -215,7 +219,14 @@ impl Arguments {
         if self.stimulus.is_none() {
             self.waveform.without("--stimulus")?;
         }
-        if self.out.is_none() && !self.notes.is_empty() {
+        if self.listen.is_none() && !tables.analog_wire.is_empty() {
+            bail!(
+                Input,
+                "[[analog_wire]]: wires stand in place of sensors, which feel no strike then; give --listen ADDRESS too, or take \
+                 them out of the scenario"
+            );
+        }
+        if self.out.is_none() && !self.note.is_empty() {
             bail!(
                 Input,
                 "--note is for a recording, and none is kept; give --out DIR too"
@@ -268,7 +279,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         return listen(&bench, address, door);
     }
     let progress = &bench.progress;
-    if let Some(port) = arguments.gdb {
+    if let Some(port) = bench.gdb {
         progress.suspend(|| note!("the image waits for a debugger: target remote :{port}"));
     }
     let count = bench.placed.len();
@@ -292,7 +303,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         let report = RunReport::of(&emulation, ran, recording.cloned());
         // An image that failed explains whatever else is missing.
         let failure = failure.map_or_else(
-            || report.verdict(arguments.strikes),
+            || report.verdict(arguments.strikes.count),
             |why| Err(anyhow::anyhow!(why)),
         );
         failures.extend(failure.err().map(|why| match arguments.one() {
@@ -333,7 +344,7 @@ fn listen(bench: &BenchOfRun<'_>, address: &Address, door: &Door) -> Result<(), 
         Some(factor) => format!("passes {factor} times as fast as this computer's"),
         None => "passes while somebody is connected".to_owned(),
     };
-    if let Some(port) = bench.arguments.gdb {
+    if let Some(port) = bench.gdb {
         note!("it waits for a debugger: target remote :{port}");
     }
     if clock.sync_period.is_some() {
@@ -353,6 +364,9 @@ struct BenchOfRun<'a> {
     image: PathBuf,
     placed: Vec<Placed>,
     faults: Vec<Planned>,
+    wires: Vec<AnalogWire>,
+    /// TCP port for a debugger.
+    gdb: Option<u16>,
     /// Waveform in place of a strike of the chain.
     played: Option<Played>,
     progress: ProgressBar,
@@ -366,17 +380,12 @@ impl<'a> BenchOfRun<'a> {
         beads: &[usize],
     ) -> Result<Self, Failure> {
         let progress = output::spinner(format!("simulating {} beads", scenario.chain.beads));
-        let mut front_end = tables.front_end.front_end()?;
-        if !arguments.noise {
-            for channel in front_end.channels_mut() {
-                channel.noise_rms = 0.0;
-            }
-        }
+        let (front_end, noise) = (tables.front_end.front_end()?, tables.front_end.has_noise());
         let faults = arguments.faults.as_deref().map_or(Ok(Vec::new()), faults::load)?;
         let (clocks, spread) = (tables.clock.crystals(), tables.clock.start_spread);
-        let mut placed = several::placed(beads, &clocks, spread, arguments.seed, arguments.noise)?;
+        let mut placed = several::placed(beads, &clocks, spread, arguments.seed, noise)?;
         if let ([one], Some(_)) = (&mut placed[..], arguments.one()) {
-            (one.address, one.seed) = (0, arguments.noise.then_some(arguments.seed));
+            (one.address, one.seed) = (0, noise.then_some(arguments.seed));
         }
         let stated = arguments
             .uncertainty
@@ -419,6 +428,8 @@ impl<'a> BenchOfRun<'a> {
             image,
             placed,
             faults,
+            wires: tables.wires()?,
+            gdb: debugger_port()?,
             played,
             progress,
         })
@@ -429,8 +440,8 @@ impl<'a> BenchOfRun<'a> {
         let (arguments, clock) = (self.arguments, &self.tables.clock);
         let timing = Timing {
             lead_in: LEAD_IN + clock.start_spread,
-            strikes: arguments.strikes,
-            interval: arguments.interval,
+            strikes: arguments.strikes.count,
+            interval: arguments.strikes.interval,
         };
         let (solution, front_end, image) = (&self.solution, &self.front_end, &self.image);
         let mut emulation = match &self.played {
@@ -448,8 +459,8 @@ impl<'a> BenchOfRun<'a> {
         faults::check(&self.faults, emulation.seconds())?;
         emulation.faults.clone_from(&self.faults);
         emulation.shift = clock.shift;
-        emulation.wires.clone_from(&arguments.wire);
-        emulation.gdb = arguments.gdb;
+        emulation.wires.clone_from(&self.wires);
+        emulation.gdb = self.gdb;
         let of_several = arguments.one().is_none().then_some(SYNC_OF_SEVERAL);
         if let Some(period) = clock.sync_period.or(of_several) {
             let listens = arguments.listen.is_some();
@@ -550,7 +561,7 @@ fn record(
     notes.extend(stimulus.map(|stimulus| ("stimulus".to_owned(), stimulus.display().to_string())));
     let about = About {
         notes,
-        remarks: arguments.notes.signed(),
+        remarks: Author::default().sign(arguments.note.clone()),
         ..About::default()
     };
     let written = recording::write(recording, ran, arguments.one().is_none(), scenario, about)?;

@@ -344,7 +344,8 @@ impl Arguments {
             .transpose()?;
         let image = find_image(None)?;
         let front_end = tables.front_end.front_end()?;
-        let live = LiveBeads::open(&scenario, &front_end, &beads, stated, 1, &image)?;
+        let seed = tables.front_end.has_noise().then_some(1);
+        let live = LiveBeads::open(&scenario, &front_end, &beads, stated, seed, &image)?;
         Ok(live.with_pace(tables.clock.pace.unwrap_or(1.0)))
     }
 

@@ -140,7 +140,7 @@ impl Intruder {
 impl Scenario {
     /// Tables that a scenario file may hold for the programs around a simulation: the front end and the
     /// clocks of the beads. They are passed over here.
-    pub const OTHER_TABLES: [&str; 2] = ["front_end", "clock"];
+    pub const OTHER_TABLES: [&str; 3] = ["front_end", "clock", "analog_wire"];
 
     /// Reads and checks a scenario; `file` is its name in messages. [`OTHER_TABLES`](Self::OTHER_TABLES) are
     /// passed over.
