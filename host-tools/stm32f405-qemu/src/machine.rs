@@ -201,6 +201,7 @@ impl Machine {
         if happened {
             self.play(now, board);
             self.settle(board);
+            self.quiet.outputs = None;
             self.quiet.until = events::next(&self.chip, &self.levels).map_or(u64::MAX, |(at, _)| at);
         }
         let value = (row.model_mut)(&mut self.chip.units).read(offset, now).ok()?;
@@ -243,6 +244,9 @@ impl Machine {
     /// Returns `true` if a write to this word does nothing but move output pins that nothing listens to: BSRR
     /// of a port, without wires, edges that EXTI watches, and devices with select pins.
     pub fn only_moves_pins(&self, address: u32) -> bool {
+        if matches!(self.quiet.outputs, Some((port, _)) if port == address) {
+            return true;
+        }
         let chip = &self.chip;
         let is_clocked = |row: usize| {
             let row = &TABLE[row];
@@ -258,12 +262,16 @@ impl Machine {
     /// Does what [`Self::write`] does, for a word that [`Self::only_moves_pins`], between
     /// [`Self::begin_steady_reads`] and the next call of another kind. Gives whether anything has changed.
     pub fn move_pins(&mut self, address: u32, value: u32, now: u64, board: &mut impl Exterior) -> bool {
-        let levels = self.chip.read(address - BSRR + ODR, now).ok();
+        let outputs = self.quiet.outputs.filter(|(port, _)| *port == address);
+        let levels = outputs.map(|(_, levels)| levels);
+        let levels = levels.or_else(|| self.chip.read(address - BSRR + ODR, now).ok());
+        self.quiet.outputs = levels.map(|levels| (address, levels));
         let kept = levels.is_some_and(|levels| (levels & !(value >> 16) | value & 0xffff) == levels);
         if kept && now < self.quiet.until {
             self.polls.accessed(address);
             return false;
         }
+        self.quiet.outputs = None;
         self.write(address, 4, value, now, board);
         self.quiet.until = events::next(&self.chip, &self.levels).map_or(u64::MAX, |(at, _)| at);
         true

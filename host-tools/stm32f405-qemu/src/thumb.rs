@@ -14,8 +14,10 @@
 
 mod alu;
 mod bus;
+mod code;
 mod decode;
-mod execute;
+mod interpreter;
+mod processor;
 mod registers;
 #[cfg(test)]
 mod tests;
@@ -23,5 +25,5 @@ mod trace;
 mod turns;
 
 pub(crate) use bus::{Bus, Loaded};
-pub(crate) use execute::Interpreter;
+pub(crate) use interpreter::Interpreter;
 pub(crate) use registers::Registers;

@@ -23,6 +23,9 @@ const PLACES: usize = 8;
 pub(super) struct QuietTime {
     /// When the next event comes. 0 if that has to be found out.
     pub(super) until: u64,
+    /// BSRR of a port that [`Machine::only_moves_pins`](super::Machine::only_moves_pins) allows, and the
+    /// levels of the port's outputs, which nothing has changed since.
+    pub(super) outputs: Option<(u32, u32)>,
     places: [Option<(u32, usize)>; PLACES],
 }
 

@@ -206,8 +206,8 @@ pub(super) fn execute(
     let mut interpreter = Interpreter::new(registers, time.start, instruction_ns, &mut around);
     let stepped = interpreter.run(time.end, MOST_STEPS[usize::from(!polled)]);
     (interpreter.instructions > 0).then(|| Executed {
-        registers: interpreter.registers,
-        now: interpreter.now,
+        registers: interpreter.registers(),
+        now: interpreter.now(),
         instructions: interpreter.instructions,
         endless: interpreter.endless,
         stepped,

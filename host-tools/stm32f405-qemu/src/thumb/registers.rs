@@ -1,5 +1,8 @@
 //! Registers of the processor.
 
+/// Numbers of the program counter and of the link register.
+pub(super) const PC: usize = 15;
+pub(super) const LR: usize = 14;
 /// Bits of xPSR.
 pub(super) const N: u32 = 1 << 31;
 pub(super) const Z: u32 = 1 << 30;

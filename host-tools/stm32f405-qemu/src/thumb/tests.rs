@@ -187,7 +187,11 @@ fn counted_turns_leave_the_registers_and_times_of_executed_ones() {
             let mut interpreter = Interpreter::new(registers, 0, 8, &mut machine);
             let steps = interpreter.run(until, 1 << 20);
             let counts: Vec<_> = interpreter.executed().collect();
-            let state = (interpreter.registers, interpreter.now, interpreter.instructions);
+            let state = (
+                interpreter.registers(),
+                interpreter.now(),
+                interpreter.instructions,
+            );
             (steps, state, counts)
         });
         assert_eq!(slow.1, quick.1, "round {round}: {code:04x?} from {registers:x?}");

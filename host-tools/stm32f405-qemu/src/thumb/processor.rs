@@ -1,295 +1,80 @@
-//! Execution of instructions, one after the other.
+//! Execution of an instruction.
 
 use super::alu::{add, shift};
 use super::bus::{Bus, Loaded};
-use super::decode::{ALWAYS, Datum, Flags, Instruction, Operand, Operation, Place, is_wide, narrow, wide};
-use super::registers::{C, IT, N, Registers, V, Z, it_of, passes};
-use super::trace::Trace;
+use super::code::Code;
+use super::decode::{ALWAYS, Datum, Flags, Instruction, Operand, Operation, Place};
+use super::registers::{C, IT, LR, N, PC, Registers, V, Z, it_of, passes};
 use super::turns::Turns;
 
-/// An instruction in the cache.
-#[derive(Debug, Clone, Copy)]
-struct Cached {
-    at: u32,
-    next: u32,
-    /// `None` if the interpreter does not know it.
-    instruction: Option<Instruction>,
-    executed: u64,
-}
-
-/// Number of instructions in the cache, by bits 1 to 9 of their addresses.
-const CACHE: usize = 512;
-/// An address of no instruction.
-const NOWHERE: u32 = u32::MAX;
 /// Branches to here and above are returns from exceptions.
 const EXCEPTION_RETURN: u32 = 0xf000_0000;
-const PC: usize = 15;
-const LR: usize = 14;
-/// Turns to the first that is traced, and from that to the second.
-const FIRST_TRACE: [u32; 2] = [4, 16];
-/// Most turns from one that is traced in vain to the next.
-const LAST_TRACE: u32 = 1 << 14;
-/// Most instructions of a turn that is traced.
-const LONGEST_TURN: u64 = 64;
-/// Turns that are executed one by one after others were counted.
-const EXECUTED: u64 = 2;
-/// Turns whose counting saves more than the trace costs.
-const WORTHWHILE: u64 = 8;
 
-/// The processor.
-pub(crate) struct Interpreter<'a, B> {
-    pub(crate) registers: Registers,
-    pub(crate) now: u64,
-    /// Executed instructions.
-    pub(crate) instructions: u64,
-    /// True if the last turns that were counted repeat without an end of themselves.
-    pub(crate) endless: bool,
+/// The processor, with all that an instruction can change.
+pub(super) struct Processor<'a, B> {
+    pub(super) registers: Registers,
+    pub(super) now: u64,
     /// Virtual time of an instruction, ns.
     instruction_ns: u64,
     bus: &'a mut B,
-    cache: Box<[Cached; CACHE]>,
-    turns: Turns,
+    pub(super) turns: Turns,
     /// The last load, and its time.
-    loaded: Option<(u64, Loaded)>,
+    pub(super) loaded: Option<(u64, Loaded)>,
     /// True if a counter was read since the last turn that was traced.
-    counted: bool,
-    /// Turns to the next one that is traced, and from that to the one after it if it gives nothing.
-    turns_to_trace: [u32; 2],
+    pub(super) counted: bool,
 }
 
 /// Outcome of an instruction.
-enum Step {
+pub(super) enum Step {
     /// The next one follows.
     Next,
     Jump(u32),
 }
 
-impl<'a, B: Bus> Interpreter<'a, B> {
-    pub(crate) fn new(registers: Registers, now: u64, instruction_ns: u64, bus: &'a mut B) -> Self {
-        let nothing = Cached {
-            at: NOWHERE,
-            next: 0,
-            instruction: None,
-            executed: 0,
-        };
+/// Registers that follow one another in memory.
+struct Words {
+    base: u8,
+    registers: u16,
+    down: bool,
+    write_back: bool,
+}
+
+impl<'a, B: Bus> Processor<'a, B> {
+    pub(super) fn new(registers: Registers, now: u64, instruction_ns: u64, bus: &'a mut B) -> Self {
         Self {
             registers,
             now,
-            instructions: 0,
-            endless: false,
             instruction_ns,
             bus,
-            cache: Box::new([nothing; CACHE]),
             turns: Turns::default(),
             loaded: None,
             counted: false,
-            turns_to_trace: FIRST_TRACE,
         }
     }
 
-    /// Executes instructions that begin before `until`, `most` at most; turns that repeat are counted at once
-    /// and are not part of these. Gives how many those are.
-    pub(crate) fn run(&mut self, until: u64, most: u64) -> u64 {
-        let mut stepped = 0;
-        while self.now < until && stepped < most {
-            stepped += 1;
-            let pc = self.registers.r[PC];
-            let place = pc as usize >> 1 & (CACHE - 1);
-            if self.cache[place].at != pc && !self.fetch(pc, place) {
-                break;
-            }
-            let Cached {
-                next,
-                instruction: Some(instruction),
-                ..
-            } = self.cache[place]
-            else {
-                break;
-            };
-            let Some(step) = self.conditional(instruction, next) else {
-                break;
-            };
-            self.cache[place].executed += 1;
-            self.now += self.instruction_ns;
-            self.instructions += 1;
-            let to = match step {
-                Step::Next => next,
-                Step::Jump(to) => to,
-            };
-            self.registers.r[PC] = to;
-            if to <= pc && !self.repeat(until) && self.is_trace_due() {
-                self.leap(until, most - stepped);
-            }
-        }
-        stepped
+    /// A halfword of code.
+    pub(super) fn fetch(&mut self, address: u32) -> Option<u16> {
+        self.bus.fetch(address)
     }
 
-    /// Addresses of executed instructions, with their counts.
-    pub(crate) fn executed(&self) -> impl Iterator<Item = (u32, u64)> {
-        let executed = self.cache.iter().filter(|cached| cached.executed > 0);
-        executed.map(|cached| (cached.at, cached.executed))
-    }
-
-    /// Fills a place of the cache. An instruction that has counts stays: then there is no room.
-    fn fetch(&mut self, pc: u32, place: usize) -> bool {
-        if self.cache[place].executed > 0 || pc & 1 == 1 {
-            return false;
-        }
-        let Some(first) = self.bus.fetch(pc) else {
-            return false;
-        };
-        let (instruction, next) = if is_wide(first) {
-            let Some(second) = self.bus.fetch(pc.wrapping_add(2)) else {
-                return false;
-            };
-            (wide(first, second, pc), pc.wrapping_add(4))
-        } else {
-            (narrow(first, pc), pc.wrapping_add(2))
-        };
-        self.cache[place] = Cached {
-            at: pc,
-            next,
-            instruction,
-            executed: 0,
-        };
-        true
-    }
-
-    /// A branch backwards: counts the turns that repeat. Gives whether this one does.
-    fn repeat(&mut self, until: u64) -> bool {
-        let Some(turn) = self.turns.branch(&self.registers, self.now, self.instructions) else {
-            return false;
-        };
-        let end = turn.holds_until.min(until);
-        let turns = (end - 1).saturating_sub(self.now) / turn.ns;
-        self.turns.restart();
-        self.endless = turn.holds_until == u64::MAX;
-        if turns == 0 {
-            return true;
-        }
-        // One of them is executed here, so that each instruction is counted as often as it comes in a turn.
-        let before = self.counts();
-        let (now, instructions) = (self.now, self.instructions);
-        while self.instructions < instructions + turn.instructions {
-            let done = self.instructions;
-            self.run_one();
-            if self.instructions == done {
-                // The bus has refused what it gave a turn before.
-                return true;
-            }
-        }
-        self.count_again(&before, turns - 1);
-        self.now = now + turns * turn.ns;
-        self.instructions = instructions + turns * turn.instructions;
-        true
-    }
-
-    fn counts(&self) -> Vec<u64> {
-        self.cache.iter().map(|cached| cached.executed).collect()
-    }
-
-    /// Counts what was executed since these counts for a number of further times.
-    fn count_again(&mut self, before: &[u64], times: u64) {
-        for (cached, before) in self.cache.iter_mut().zip(before) {
-            cached.executed += (cached.executed - before) * times;
-        }
-    }
-
-    /// A branch backwards, after which nothing repeats. Returns `true` if it is time to trace a turn.
-    fn is_trace_due(&mut self) -> bool {
-        if !self.counted {
-            return false;
-        }
-        self.turns_to_trace[0] -= 1;
-        self.turns_to_trace[0] == 0
-    }
-
-    /// Traces a turn, and counts those that follow it and differ in counters alone, if another `most`
-    /// instructions can be executed after them.
-    fn leap(&mut self, until: u64, most: u64) {
-        let again = self.turns_to_trace[1];
-        self.turns_to_trace = match self.trace(until, most) {
-            Some(()) => FIRST_TRACE,
-            None => [again, (2 * again).min(LAST_TRACE)],
-        };
-        self.counted = false;
-    }
-
-    fn trace(&mut self, until: u64, most: u64) -> Option<()> {
-        let (start, before) = (self.registers, self.counts());
-        let (began, instructions) = (self.now, self.instructions);
-        let head = start.r[PC];
-        let mut trace = Trace::new();
-        loop {
-            let (registers, done) = (self.registers, self.instructions);
-            let pc = registers.r[PC];
-            let cached = self.cache[pc as usize >> 1 & (CACHE - 1)];
-            self.loaded = None;
-            self.run_one();
-            if self.instructions == done || self.now >= until || done - instructions > LONGEST_TURN {
-                return None;
-            }
-            trace.follow(cached.instruction?, &registers, self.loaded)?;
-            if self.registers.r[PC] == head && pc >= head {
-                break;
-            }
-        }
-        let reach = trace.reach(&start, &self.registers)?;
-        let (ns, length) = (self.now - began, self.instructions - instructions);
-        let left = (reach.holds_until.min(until) - 1).saturating_sub(self.now);
-        // The last of them are executed here, so that all registers are as after them.
-        let turns = (left.min(reach.shift) / ns).saturating_sub(EXECUTED);
-        if turns < WORTHWHILE || length * (EXECUTED + 1) > most {
-            return None;
-        }
-        self.count_again(&before, turns);
-        self.now += turns * ns;
-        self.instructions += turns * length;
-        self.turns.restart();
-        self.endless = false;
-        Some(())
-    }
-
-    fn run_one(&mut self) {
-        let pc = self.registers.r[PC];
-        let place = pc as usize >> 1 & (CACHE - 1);
-        let Cached {
-            at,
-            next,
-            instruction: Some(instruction),
-            ..
-        } = self.cache[place]
-        else {
-            return;
-        };
-        if at != pc {
-            return;
-        }
-        let Some(step) = self.conditional(instruction, next) else {
-            return;
-        };
-        self.cache[place].executed += 1;
-        self.now += self.instruction_ns;
-        self.instructions += 1;
-        self.registers.r[PC] = match step {
-            Step::Next => next,
-            Step::Jump(to) => to,
-        };
-    }
-
+    /// Executes an instruction that is followed by the one at `next`. `None`, without an effect, if it is for
+    /// QEMU.
     #[inline(always)]
-    fn conditional(&mut self, instruction: Instruction, next: u32) -> Option<Step> {
-        if self.registers.xpsr & IT == 0 {
-            return self.execute(instruction, next, true);
-        }
-        self.in_block(instruction, next)
+    pub(super) fn execute(&mut self, instruction: &Instruction, next: u32, code: &Code) -> Option<Step> {
+        let step = if self.registers.xpsr & IT == 0 {
+            self.one(instruction, next, true, code)?
+        } else {
+            self.in_block(instruction, next, code)?
+        };
+        self.now += self.instruction_ns;
+        Some(step)
     }
 
     /// Executes an instruction of an IT block, unless that leaves it out.
-    fn in_block(&mut self, instruction: Instruction, next: u32) -> Option<Step> {
+    fn in_block(&mut self, instruction: &Instruction, next: u32, code: &Code) -> Option<Step> {
         let it = self.it();
         let step = if self.passes(it >> 4) {
-            self.execute(instruction, next, false)?
+            self.one(instruction, next, false, code)?
         } else {
             Step::Next
         };
@@ -338,8 +123,8 @@ impl<'a, B: Bus> Interpreter<'a, B> {
     }
 
     #[inline(always)]
-    fn execute(&mut self, instruction: Instruction, next: u32, outside: bool) -> Option<Step> {
-        match instruction {
+    fn one(&mut self, instruction: &Instruction, next: u32, outside: bool, code: &Code) -> Option<Step> {
+        match *instruction {
             Instruction::Data {
                 operation,
                 flags,
@@ -354,7 +139,7 @@ impl<'a, B: Bus> Interpreter<'a, B> {
                 datum,
                 register,
                 place,
-            } => self.memory(datum, register, place)?,
+            } => self.memory(datum, register, place, code)?,
             Instruction::Branch { to, condition, link } => {
                 if condition != ALWAYS && !self.passes(condition) {
                     return Some(Step::Next);
@@ -377,18 +162,18 @@ impl<'a, B: Bus> Interpreter<'a, B> {
             }
             Instruction::IfThen(it) => self.set_it(it),
             Instruction::Nothing => {}
-            other => return self.rarer(other, outside),
+            ref other => return self.rarer(other, outside, code),
         }
         Some(Step::Next)
     }
 
-    fn rarer(&mut self, instruction: Instruction, outside: bool) -> Option<Step> {
-        match instruction {
+    fn rarer(&mut self, instruction: &Instruction, outside: bool, code: &Code) -> Option<Step> {
+        match *instruction {
             Instruction::Pair {
                 store,
                 registers,
                 place,
-            } => self.pair(store, registers, place)?,
+            } => self.pair(store, registers, place, code)?,
             Instruction::Several {
                 store,
                 base,
@@ -396,7 +181,13 @@ impl<'a, B: Bus> Interpreter<'a, B> {
                 down,
                 write_back,
             } => {
-                return self.several(store, base, registers, down, write_back);
+                let words = Words {
+                    base,
+                    registers,
+                    down,
+                    write_back,
+                };
+                return self.several(store, words, code);
             }
             Instruction::Extend {
                 to,
@@ -436,14 +227,14 @@ impl<'a, B: Bus> Interpreter<'a, B> {
                 self.set(to, self.get(to) & 0xffff | number << 16);
             }
             Instruction::LeadingZeros { to, from } => self.set(to, self.get(from).leading_zeros()),
-            other => self.product(other, outside)?,
+            ref other => self.product(other, outside)?,
         }
         Some(Step::Next)
     }
 
     /// Multiplies or divides.
-    fn product(&mut self, instruction: Instruction, outside: bool) -> Option<()> {
-        match instruction {
+    fn product(&mut self, instruction: &Instruction, outside: bool) -> Option<()> {
+        match *instruction {
             Instruction::Multiply {
                 to,
                 a,
@@ -576,14 +367,10 @@ impl<'a, B: Bus> Interpreter<'a, B> {
         Some(loaded.value)
     }
 
-    fn accepts(&self, address: u32, bytes: u32) -> Option<()> {
-        // A store over an instruction in the cache is for QEMU.
-        let first = (address & !1).wrapping_sub(2);
-        let mut halves = (0..4).map(|n| first.wrapping_add(2 * n));
-        if halves.any(|at| self.cache[at as usize >> 1 & (CACHE - 1)].at == at) {
-            return None;
-        }
-        (address & (bytes - 1) == 0 && self.bus.accepts(address, bytes)).then_some(())
+    fn accepts(&self, address: u32, bytes: u32, code: &Code) -> Option<()> {
+        // A store over an instruction that is known is for QEMU.
+        let is_code = code.holds_near(address);
+        (!is_code && address & (bytes - 1) == 0 && self.bus.accepts(address, bytes)).then_some(())
     }
 
     fn store(&mut self, address: u32, bytes: u32, value: u32) {
@@ -594,11 +381,11 @@ impl<'a, B: Bus> Interpreter<'a, B> {
     }
 
     #[inline(always)]
-    fn memory(&mut self, datum: Datum, register: u8, place: Place) -> Option<()> {
+    fn memory(&mut self, datum: Datum, register: u8, place: Place, code: &Code) -> Option<()> {
         let (address, base) = self.address(place);
         let Datum { bytes, signed, store } = datum;
         if store {
-            self.accepts(address, bytes)?;
+            self.accepts(address, bytes, code)?;
             self.store(address, bytes, self.get(register));
             if let Some((base, value)) = base {
                 self.set(base, value);
@@ -620,13 +407,13 @@ impl<'a, B: Bus> Interpreter<'a, B> {
         Some(())
     }
 
-    fn pair(&mut self, store: bool, registers: [u8; 2], place: Place) -> Option<()> {
+    fn pair(&mut self, store: bool, registers: [u8; 2], place: Place, code: &Code) -> Option<()> {
         let (address, base) = self.address(place);
         let addresses = [address, address.wrapping_add(4)];
         if store {
             addresses
                 .iter()
-                .try_for_each(|address| self.accepts(*address, 4))?;
+                .try_for_each(|address| self.accepts(*address, 4, code))?;
             for (address, register) in addresses.into_iter().zip(registers) {
                 self.store(address, 4, self.get(register));
             }
@@ -656,7 +443,13 @@ impl<'a, B: Bus> Interpreter<'a, B> {
             .collect()
     }
 
-    fn several(&mut self, store: bool, base: u8, list: u16, down: bool, write_back: bool) -> Option<Step> {
+    fn several(&mut self, store: bool, words: Words, code: &Code) -> Option<Step> {
+        let Words {
+            base,
+            registers: list,
+            down,
+            write_back,
+        } = words;
         let bytes = 4 * list.count_ones();
         let from = self.get(base);
         let after = if down {
@@ -670,7 +463,7 @@ impl<'a, B: Bus> Interpreter<'a, B> {
         if store {
             places
                 .clone()
-                .try_for_each(|(_, address)| self.accepts(address, 4))?;
+                .try_for_each(|(_, address)| self.accepts(address, 4, code))?;
             for (register, address) in places {
                 self.store(address, 4, self.get(register));
             }

@@ -1,0 +1,197 @@
+//! Execution of instructions, one after the other, and of turns that repeat at once.
+
+use super::bus::Bus;
+use super::code::Code;
+use super::processor::{Processor, Step};
+use super::registers::{PC, Registers};
+use super::trace::Trace;
+
+/// Turns to the first that is traced, and from that to the second.
+const FIRST_TRACE: [u32; 2] = [4, 16];
+/// Most turns from one that is traced in vain to the next.
+const LAST_TRACE: u32 = 1 << 14;
+/// Most instructions of a turn that is traced.
+const LONGEST_TURN: u64 = 64;
+/// Turns that are executed one by one after others were counted.
+const EXECUTED: u64 = 2;
+/// Turns whose counting saves more than the trace costs.
+const WORTHWHILE: u64 = 8;
+
+/// A processor in a loop.
+pub(crate) struct Interpreter<'a, B> {
+    processor: Processor<'a, B>,
+    code: Code,
+    /// Executed instructions.
+    pub(crate) instructions: u64,
+    /// True if the last turns that were counted repeat without an end of themselves.
+    pub(crate) endless: bool,
+    /// Turns to the next one that is traced, and from that to the one after it if it gives nothing.
+    turns_to_trace: [u32; 2],
+}
+
+impl<'a, B: Bus> Interpreter<'a, B> {
+    pub(crate) fn new(registers: Registers, now: u64, instruction_ns: u64, bus: &'a mut B) -> Self {
+        Self {
+            processor: Processor::new(registers, now, instruction_ns, bus),
+            code: Code::new(),
+            instructions: 0,
+            endless: false,
+            turns_to_trace: FIRST_TRACE,
+        }
+    }
+
+    /// The registers after the last instruction.
+    pub(crate) fn registers(&self) -> Registers {
+        self.processor.registers
+    }
+
+    /// The time after the last instruction, ns.
+    pub(crate) fn now(&self) -> u64 {
+        self.processor.now
+    }
+
+    /// Executes instructions that begin before `until`, `most` at most; turns that repeat are counted at once
+    /// and are not part of these. Gives how many those are.
+    pub(crate) fn run(&mut self, until: u64, most: u64) -> u64 {
+        let mut stepped = 0;
+        while self.processor.now < until && stepped < most {
+            stepped += 1;
+            let pc = self.processor.registers.r[PC];
+            if self.code.at(pc).at != pc && self.fetch(pc).is_none() {
+                break;
+            }
+            if !self.step(pc) {
+                break;
+            }
+            if self.processor.registers.r[PC] <= pc && !self.repeat(until) && self.is_trace_due() {
+                self.leap(until, most - stepped);
+            }
+        }
+        stepped
+    }
+
+    fn fetch(&mut self, pc: u32) -> Option<()> {
+        self.code.fetch(pc, |address| self.processor.fetch(address))
+    }
+
+    /// Executes the instruction at an address, which was fetched. Returns `false` if it is for QEMU.
+    #[inline(always)]
+    fn step(&mut self, pc: u32) -> bool {
+        let fetched = self.code.at(pc);
+        let next = fetched.next;
+        let Some(instruction) = &fetched.instruction else {
+            return false;
+        };
+        let Some(step) = self.processor.execute(instruction, next, &self.code) else {
+            return false;
+        };
+        self.code.count(pc);
+        self.instructions += 1;
+        self.processor.registers.r[PC] = match step {
+            Step::Next => next,
+            Step::Jump(to) => to,
+        };
+        true
+    }
+
+    /// Addresses of executed instructions, with their counts.
+    pub(crate) fn executed(&self) -> impl Iterator<Item = (u32, u64)> {
+        self.code.executed()
+    }
+
+    /// A branch backwards: counts the turns that repeat. Gives whether this one does.
+    fn repeat(&mut self, until: u64) -> bool {
+        let Some(turn) =
+            self.processor
+                .turns
+                .branch(&self.processor.registers, self.processor.now, self.instructions)
+        else {
+            return false;
+        };
+        let end = turn.holds_until.min(until);
+        let turns = (end - 1).saturating_sub(self.processor.now) / turn.ns;
+        self.processor.turns.restart();
+        self.endless = turn.holds_until == u64::MAX;
+        if turns == 0 {
+            return true;
+        }
+        // One of them is executed here, so that each instruction is counted as often as it comes in a turn.
+        let before = self.code.counts();
+        let (now, instructions) = (self.processor.now, self.instructions);
+        while self.instructions < instructions + turn.instructions {
+            let done = self.instructions;
+            self.run_one();
+            if self.instructions == done {
+                // The bus has refused what it gave a turn before.
+                return true;
+            }
+        }
+        self.code.count_again(&before, turns - 1);
+        self.processor.now = now + turns * turn.ns;
+        self.instructions = instructions + turns * turn.instructions;
+        true
+    }
+
+    /// A branch backwards, after which nothing repeats. Returns `true` if it is time to trace a turn.
+    fn is_trace_due(&mut self) -> bool {
+        if !self.processor.counted {
+            return false;
+        }
+        self.turns_to_trace[0] -= 1;
+        self.turns_to_trace[0] == 0
+    }
+
+    /// Traces a turn, and counts those that follow it and differ in counters alone, if another `most`
+    /// instructions can be executed after them.
+    fn leap(&mut self, until: u64, most: u64) {
+        let again = self.turns_to_trace[1];
+        self.turns_to_trace = match self.trace(until, most) {
+            Some(()) => FIRST_TRACE,
+            None => [again, (2 * again).min(LAST_TRACE)],
+        };
+        self.processor.counted = false;
+    }
+
+    fn trace(&mut self, until: u64, most: u64) -> Option<()> {
+        let (start, before) = (self.processor.registers, self.code.counts());
+        let (began, instructions) = (self.processor.now, self.instructions);
+        let head = start.r[PC];
+        let mut trace = Trace::new();
+        loop {
+            let (registers, done) = (self.processor.registers, self.instructions);
+            let pc = registers.r[PC];
+            let instruction = self.code.at(pc).instruction;
+            self.processor.loaded = None;
+            self.run_one();
+            if self.instructions == done || self.processor.now >= until || done - instructions > LONGEST_TURN
+            {
+                return None;
+            }
+            trace.follow(instruction?, &registers, self.processor.loaded)?;
+            if self.processor.registers.r[PC] == head && pc >= head {
+                break;
+            }
+        }
+        let reach = trace.reach(&start, &self.processor.registers)?;
+        let (ns, length) = (self.processor.now - began, self.instructions - instructions);
+        let left = (reach.holds_until.min(until) - 1).saturating_sub(self.processor.now);
+        // The last of them are executed here, so that all registers are as after them.
+        let turns = (left.min(reach.shift) / ns).saturating_sub(EXECUTED);
+        if turns < WORTHWHILE || length * (EXECUTED + 1) > most {
+            return None;
+        }
+        self.code.count_again(&before, turns);
+        self.processor.now += turns * ns;
+        self.instructions += turns * length;
+        self.processor.turns.restart();
+        self.endless = false;
+        Some(())
+    }
+
+    fn run_one(&mut self) {
+        let pc = self.processor.registers.r[PC];
+        if self.code.at(pc).at == pc {
+            self.step(pc);
+        }
+    }
+}
