@@ -50,6 +50,13 @@ impl Chip {
     pub(super) fn level_changed(&mut self, pin: PinIndex, high: bool, at: u64) {
         if let Some((tim, input)) = self.timer_input(pin) {
             self.units.tim[tim].edge(input, high, at);
+            if input < 2 && self.units.tim[tim].is_encoder() {
+                let other = self.input_level(tim, 1 - input);
+                self.units.tim[tim].encode(input, high, other, at);
+            }
+            if self.driving >> tim & 1 == 1 {
+                self.move_outputs(tim, at);
+            }
         }
         self.sense_lines(at);
         self.sense_wake_up_pin(pin, high);
@@ -88,6 +95,15 @@ impl Chip {
     pub(super) fn listens_to(&self, pin: PinIndex, high: bool) -> bool {
         let units = &self.units;
         (units.syscfg.port(pin.1) == pin.0 && units.exti.listens(pin.1, high)) || self.waits_for(pin, high)
+    }
+
+    /// The level at an input of a timer, low if no pin leads there.
+    fn input_level(&self, tim: usize, input: usize) -> bool {
+        let leads =
+            |(pin, function): &(PinIndex, u32)| self.units.gpio[pin.0].alternate(pin.1) == Some(*function);
+        let pins = CONNECTIONS.timer_inputs.iter();
+        let mut pins = pins.filter(|(pin, to)| **to == (tim, input) && leads(pin));
+        pins.any(|((pin, _), _)| self.units.gpio[pin.0].input() >> pin.1 & 1 == 1)
     }
 
     /// The timer and its input that a pin leads to, as the pin is set.

@@ -1,5 +1,6 @@
 //! Timers TIM1 to TIM14 (RM0090 sections 17 to 20): up-counting with update and compare events, input
-//! capture, compare and PWM outputs, DMA requests, and a start or restart by another timer or an input.
+//! capture, compare and PWM outputs, DMA requests, a start or restart by another timer or an input, and
+//! counting of edges: one input's up, those of an encoder up and down.
 //!
 //! # Design
 //!
@@ -27,6 +28,8 @@ const CEN: u32 = 1 << 0;
 const UDIS: u32 = 1 << 1;
 const URS: u32 = 1 << 2;
 const OPM: u32 = 1 << 3;
+/// DIR: the last edge of an encoder counted down.
+const DIR: u32 = 1 << 4;
 const ARPE: u32 = 1 << 7;
 /// UIF, and UIE in DIER.
 const UPDATE: u32 = 1 << 0;
@@ -45,6 +48,8 @@ const REQUESTS: u32 = 0x5f00;
 /// SMCR.SMS.
 const RESTARTS: u32 = 0b100;
 const STARTS: u32 = 0b110;
+/// External clock mode 1: the trigger's edges are counted.
+const COUNTS_EDGES: u32 = 0b111;
 
 /// Least prescaler with which a counter keeps its value for some turns of a loop.
 const SLOW: u32 = 32;
@@ -57,7 +62,10 @@ const CRYSTAL_INTERRUPT: &str = "OR: an interrupt by the crystal's edges is not 
 const DEAD_TIME: &str = "BDTR.DTG: dead time is not modelled: both outputs move at once";
 const FILTERS: &str = "CCMR: input filters and prescalers are not modelled";
 const CAPTURE_ON_TRIGGER: &str = "CCMR: capture on the trigger input is not modelled";
-const SLAVE_MODES: &str = "SMCR: gated and encoder mode, external clocks and the input ETR are not modelled";
+const SLAVE_MODES: &str =
+    "SMCR: gated mode, counting of another timer's triggers and the input ETR are not modelled";
+const TRIGGER_BY_EDGES: &str =
+    "CR2.MMS: a timer that counts edges makes no trigger output for its updates and compares";
 
 /// Bits of registers that ask for what is not modelled.
 const UNMODELLED: [(u32, u32, &str); 5] = [
@@ -184,6 +192,56 @@ impl Tim {
         field(self.smcr, 0, 3)
     }
 
+    /// Returns `true` in the three encoder modes.
+    pub(crate) fn is_encoder(&self) -> bool {
+        matches!(self.slave_mode(), 0b001..=0b011)
+    }
+
+    /// Returns `true` in external clock mode 1 with edges of TI1 or TI2.
+    fn counts_edges(&self) -> bool {
+        self.slave_mode() == COUNTS_EDGES && matches!(field(self.smcr, 4, 3), 0b100..=0b110)
+    }
+
+    /// An edge comes at TI1 or TI2 of an encoder, while the other of the two has this level (section 18.3.12,
+    /// table of counting direction versus encoder signals).
+    pub(crate) fn encode(&mut self, input: usize, rising: bool, other: bool, at: u64) {
+        // Mode 1 counts TI2's edges, mode 2 those of TI1, mode 3 both.
+        if self.slave_mode() & (0b10 >> input) == 0 {
+            return;
+        }
+        let inverts = |input: usize| bit(self.ccer, 4 * input as u32 + 1);
+        let (rising, other) = (rising != inverts(input), other != inverts(1 - input));
+        let up = (rising == other) == (input == 1);
+        self.cr1 = if up { self.cr1 & !DIR } else { self.cr1 | DIR };
+        self.step(!up, at);
+    }
+
+    /// An edge moves the counter.
+    fn step(&mut self, down: bool, at: u64) {
+        self.advance(at);
+        let Some(updates) = self.counter.step(down) else {
+            return;
+        };
+        for channel in 0..self.kind.channels {
+            if !self.is_input(channel) && self.ccr[channel].active == self.counter.count(at) {
+                self.sr |= 2 << channel;
+                self.request(2 << channel);
+                self.references[channel] = self.matched(channel);
+            }
+        }
+        if updates && self.cr1 & UDIS == 0 {
+            self.sr |= UPDATE;
+            self.request(UPDATE);
+            self.turn_outputs_on();
+            self.counter.load();
+            self.ccr.iter_mut().for_each(BufferedRegister::load);
+        }
+        if updates && self.cr1 & OPM != 0 {
+            self.counter.enabled = false;
+        }
+        self.modulate(0);
+    }
+
     /// SMCR.TS, if it is one of the internal triggers.
     fn internal_trigger(&self) -> Option<u32> {
         Some(field(self.smcr, 4, 3)).filter(|trigger| *trigger < 4)
@@ -267,6 +325,10 @@ impl Tim {
             match self.slave_mode() {
                 RESTARTS => self.restart(at),
                 STARTS if !self.counter.enabled => self.start(at),
+                COUNTS_EDGES => {
+                    self.take_trigger();
+                    self.step(false, at);
+                }
                 _ => {}
             }
         }
@@ -285,14 +347,22 @@ impl Tim {
     pub(crate) fn edge_interrupts(&self, input: usize, rising: bool) -> bool {
         let raises = |channel: usize| self.captures(channel, input, rising) && self.may_raise(2 << channel);
         let triggers = self.slave_mode() != 0 && self.is_trigger(input, rising);
-        (0..self.kind.channels).any(raises) || triggers && self.may_raise(TRIGGER | UPDATE)
+        (0..self.kind.channels).any(raises)
+            || triggers && self.may_raise(TRIGGER | UPDATE)
+            || self.steps_may_raise()
     }
 
     /// Returns `true` if an edge at any input could raise an interrupt line.
     pub(crate) fn captures_interrupt(&self) -> bool {
         let waits = |channel: usize| self.is_input(channel) && self.may_raise(2 << channel);
         let by_trigger = matches!(self.slave_mode(), RESTARTS | STARTS) && self.may_raise(TRIGGER | UPDATE);
-        (0..self.kind.channels).any(waits) || by_trigger
+        (0..self.kind.channels).any(waits) || by_trigger || self.steps_may_raise()
+    }
+
+    /// Returns `true` if an edge that is counted could raise an interrupt line.
+    fn steps_may_raise(&self) -> bool {
+        let channels = (0..self.kind.channels).filter(|channel| !self.is_input(*channel));
+        self.counter.by_edges && self.may_raise(channels.fold(UPDATE | TRIGGER, |flags, n| flags | 2 << n))
     }
 
     /// Returns `true` if one of these flags raises a line, or asks the DMA, which may raise one.
@@ -486,7 +556,8 @@ impl Tim {
 
     fn write_cr1(&mut self, value: u32, now: u64) {
         let was_enabled = self.counter.enabled;
-        self.cr1 = value & self.kind.cr1 & !CEN;
+        let direction = if self.is_encoder() { DIR } else { 0 };
+        self.cr1 = self.cr1 & direction | value & self.kind.cr1 & !CEN & !direction;
         self.counter.go_on(now);
         self.seen = 0;
         self.counter.enabled = value & CEN != 0;
@@ -684,8 +755,13 @@ impl Peripheral for Tim {
             0x04 => self.write_cr2(value),
             0x08 => {
                 self.smcr = value & self.kind.smcr;
-                let (mode, trigger) = (self.slave_mode(), field(value, 4, 3));
-                let modelled = matches!(mode, 0 | RESTARTS | STARTS) && (mode == 0 || trigger != 0b111);
+                let by_trigger =
+                    matches!(self.slave_mode(), RESTARTS | STARTS) && field(value, 4, 3) != 0b111;
+                self.counter.go_on(now);
+                self.seen = 0;
+                self.counter.by_edges = self.is_encoder() || self.slave_mode() == COUNTS_EDGES;
+                let modelled =
+                    self.slave_mode() == 0 || by_trigger || self.is_encoder() || self.counts_edges();
                 self.notes.note_if(value & 0x4000 != 0 || !modelled, SLAVE_MODES);
             }
             0x0c => {
@@ -728,7 +804,16 @@ impl Peripheral for Tim {
             let tick = self.counter.ticks(now);
             self.modulate(tick);
         }
-        self.notes.note_bits(&UNMODELLED, offset, value);
+        // The direction of an encoder is not written.
+        let shown = if self.is_encoder() && offset == 0 {
+            value & !DIR
+        } else {
+            value
+        };
+        self.notes.note_bits(&UNMODELLED, offset, shown);
+        let by_counter = matches!(field(self.cr2, 4, 3), 0b010 | 0b011);
+        self.notes
+            .note_if(self.counter.by_edges && by_counter, TRIGGER_BY_EDGES);
         let interrupts = self.or == BY_CRYSTAL && self.dier & 2 != 0;
         self.notes.note_if(interrupts, CRYSTAL_INTERRUPT);
         Ok(())

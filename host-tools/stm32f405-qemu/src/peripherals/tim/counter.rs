@@ -37,6 +37,8 @@ impl BufferedRegister {
 pub(super) struct Counter {
     pub(super) max: u32,
     pub(super) enabled: bool,
+    /// The timer's clock does not move it: edges at inputs do.
+    pub(super) by_edges: bool,
     pub(super) prescaler: BufferedRegister,
     pub(super) reload: BufferedRegister,
     /// RCR: an update event comes with every `active + 1`st overflow.
@@ -62,9 +64,9 @@ impl Counter {
         }
     }
 
-    /// The counter is blocked while the period is zero (section 18.3.1).
+    /// Returns `true` if it counts with time. It is blocked while the period is zero (section 18.3.1).
     pub(super) fn counts(&self) -> bool {
-        self.enabled && self.reload.active != 0
+        self.enabled && !self.by_edges && self.reload.active != 0
     }
 
     fn edges(&self, now: u64) -> u64 {
@@ -214,6 +216,35 @@ impl Counter {
         }
         (self.phase, self.count) = (0, 0);
         self.repeats = self.repetition.active;
+    }
+
+    /// An edge moves it, every one that the prescaler lets through. `None` if this one does not; else whether
+    /// there is an update event.
+    pub(super) fn step(&mut self, down: bool) -> Option<bool> {
+        if !self.enabled || self.reload.active == 0 {
+            return None;
+        }
+        self.phase += 1;
+        if self.phase <= self.prescaler.active {
+            return None;
+        }
+        self.phase = 0;
+        let last = match (down, self.first_overflow()) {
+            (true, _) => self.count == 0,
+            (false, ticks) => ticks == 1,
+        };
+        self.count = match (last, down) {
+            (true, true) => self.reload.active,
+            (true, false) => 0,
+            (false, true) => self.count - 1,
+            (false, false) => self.count + 1,
+        };
+        if !last {
+            return Some(false);
+        }
+        let left = self.repeats.checked_sub(1);
+        self.repeats = left.unwrap_or(self.repetition.active);
+        Some(left.is_none())
     }
 
     pub(super) fn load(&mut self) {

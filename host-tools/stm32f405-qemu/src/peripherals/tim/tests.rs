@@ -420,7 +420,7 @@ fn a_timer_in_trigger_mode_starts_with_its_master_and_only_then() {
 #[test]
 fn what_is_not_modelled_is_noted() {
     let mut tim = at_100_khz();
-    tim.put(0, [(SMCR, 7), (CR1, CEN | 1 << 4)]);
+    tim.put(0, [(SMCR, 5), (CR1, CEN | 1 << 4)]);
     assert_eq!(tim.notes.iter().count(), 2);
     assert_eq!(tim.write(0x48, 0, 0), Err(NoRegister));
     let mut pwm = Tim::new(TimerKind::ADVANCED, 84_000_000);
@@ -428,4 +428,72 @@ fn what_is_not_modelled_is_noted() {
     assert_eq!(pwm.notes.iter().count(), 0);
     pwm.put(0, [(0x44, 10)]);
     assert_eq!(pwm.notes.iter().collect::<Vec<_>>(), [DEAD_TIME]);
+}
+
+/// A turn forwards: TI1 leads. Each edge of both inputs counts in mode 3, of one in modes 1 and 2.
+#[test]
+fn an_encoder_counts_up_and_down_over_the_ends_of_its_period() {
+    const FORWARDS: [(usize, bool, bool); 4] = [
+        (0, true, false),
+        (1, true, true),
+        (0, false, true),
+        (1, false, false),
+    ];
+    for (mode, counts) in [(0b001, 2), (0b010, 2), (0b011, 4)] {
+        let mut tim = Tim::new(TimerKind::GENERAL, 84_000_000);
+        tim.put(0, [(ARR, 3), (SMCR, mode), (CR1, CEN)]);
+        let mut turn = |edges: &[(usize, bool, bool)], at: u64| {
+            for (input, rising, other) in edges {
+                tim.edge(*input, *rising, at);
+                tim.encode(*input, *rising, *other, at);
+            }
+            let state = (tim.get(CNT, at), tim.get(CR1, at) >> 4 & 1, tim.get(SR, at) & 1);
+            tim.put(at, [(SR, 0)]);
+            state
+        };
+        assert_eq!(turn(&FORWARDS, 1_000), (counts % 4, 0, counts / 4), "up");
+        let backwards = [
+            (1, true, false),
+            (0, true, true),
+            (1, false, true),
+            (0, false, false),
+        ];
+        assert_eq!(
+            turn(&backwards, 2_000),
+            (0, 1, counts / 4),
+            "and down to where it was"
+        );
+        assert_eq!(turn(&backwards[..2], 3_000), (4 - counts / 2, 1, 1), "below zero");
+        assert_eq!(tim.notes.iter().count(), 0);
+    }
+}
+
+#[test]
+fn an_input_that_is_inverted_turns_an_encoder_round() {
+    let mut tim = Tim::new(TimerKind::GENERAL, 84_000_000);
+    tim.put(0, [(ARR, 0xffff), (CCER, 0b10), (SMCR, 0b011), (CR1, CEN)]);
+    tim.encode(0, true, false, 1_000);
+    assert_eq!((tim.get(CNT, 1_000), tim.get(CR1, 1_000)), (0xffff, CEN | DIR));
+}
+
+#[test]
+fn edges_of_an_input_are_counted_by_the_prescaler_and_interrupt_at_the_end() {
+    let mut tim = Tim::new(TimerKind::GENERAL, 84_000_000);
+    tim.put(0, [(0x28, 1), (ARR, 2), (0x14, 1), (SR, 0), (DIER, 1)]);
+    tim.put(0, [(SMCR, 0b101 << 4 | COUNTS_EDGES), (CR1, CEN)]);
+    assert!(tim.captures_interrupt() && tim.edge_interrupts(0, true));
+    for n in 1..=6 {
+        assert_eq!(tim.get(SR, n) & UPDATE, 0);
+        tim.edge(0, true, n);
+        tim.edge(0, false, n);
+    }
+    assert_eq!(
+        (tim.get(CNT, 1_000_000), tim.get(SR, 7) & UPDATE),
+        (0, UPDATE),
+        "after 2 · 3 edges"
+    );
+    // Back to the timer's own clock.
+    tim.put(1_000_000, [(SMCR, 0)]);
+    assert_eq!(tim.get(CNT, 1_000_024), 1, "84 MHz by two");
+    assert_eq!(tim.notes.iter().count(), 0);
 }

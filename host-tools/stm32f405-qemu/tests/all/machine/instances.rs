@@ -1,6 +1,6 @@
 //! Peripherals with several instances: timers, USARTs, converters; and the wires between them.
 
-use stm32f405_qemu::{AnalogInput, FaultKind, Since, UartInput};
+use stm32f405_qemu::{AnalogInput, FaultKind, PinInput, Since, UartInput};
 
 use super::bench::*;
 
@@ -422,4 +422,28 @@ fn copies_between_memories_leave_direct_mode_and_cannot_be_circular_or_of_dma1()
         let (complete, _, notes) = started(dma, cr);
         assert!(!complete && notes.contains(why), "{notes}");
     }
+}
+
+/// TI2 was high before its pin led to the timer: TI1 follows it, so the counter goes down.
+#[test]
+fn an_encoder_knows_the_level_that_its_other_input_has_had_from_the_beginning() {
+    const SMCR: u32 = 0x08;
+    const CNT: u32 = 0x24;
+    let input = |pin: &str, changes_ns: &[u64]| PinInput {
+        pin: pin.into(),
+        since: Since::PowerUp,
+        changes_ns: changes_ns.to_vec(),
+    };
+    let mut bench = MachineBench::with(|run| {
+        run.pin_inputs = vec![input("PA6", &[30_000, 50_000]), input("PA7", &[1_000, 40_000])];
+    });
+    bench.pass(10_000);
+    for pin in [6, 7] {
+        set_function(&mut bench, GPIOA, pin, 2);
+    }
+    bench.set(TIM3, [(ARR, 99), (SMCR, 0b011), (DIER, 1), (CR1, 1)]);
+    bench.pass(60_000);
+    assert_eq!((bench.read(TIM3 + CNT), bench.read(TIM3) >> 4 & 1), (97, 1));
+    assert_eq!(bench.board.rises[&29], [30_000], "below zero");
+    assert_eq!(bench.outcome().unmodelled, [""; 0]);
 }
