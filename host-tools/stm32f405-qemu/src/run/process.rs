@@ -69,7 +69,7 @@ impl QemuJob {
             let other = ended
                 .other_version(version)
                 .filter(|_| std::mem::take(&mut first));
-            version = other.ok_or_else(|| ended.failure(&self.folder))?;
+            version = other.ok_or_else(|| ended.failure(&self.folder, limit))?;
         }
     }
 
@@ -198,9 +198,14 @@ impl Ended {
     }
 
     /// Why it ended before the run began.
-    fn failure(&self, folder: &RunFolder) -> RunError {
-        let early = |_| RunError::Qemu(self.status, "it ended before the first instruction".into());
-        self.outcome(folder).map_or_else(|error| error, early)
+    fn failure(&self, folder: &RunFolder, limit: Option<Duration>) -> RunError {
+        match (self.outcome(folder), limit) {
+            (Err(error), _) => error,
+            (Ok(outcome), Some(limit)) if matches!(outcome.end, RunEnd::Stopped) => {
+                RunError::Timeout(limit, outcome.into())
+            }
+            (Ok(_), _) => RunError::Qemu(self.status, "it ended before the first instruction".into()),
+        }
     }
 
     /// Returns the overlay's report, or the reason why there is none.
