@@ -7,8 +7,7 @@
 //! holds the bytes of the others. The machine copies what changes to where the processor reads it.
 //!
 //! In a part with two banks the processor goes on while one of them is written, as its code is taken to lie
-//! in the first, and operations there are taken to be in the second. A mass erase of that one is not
-//! modelled.
+//! in the first, and operations there are taken to be in the second.
 //!
 //! An operation takes the data sheet's typical time and does its work at the end of it. A power cut or a
 //! reset before that leaves it half done. The share of bits that have changed is then the share of time that
@@ -57,12 +56,15 @@ const ERASE_NS: [[u64; 4]; 3] = [
     [1_200_000_000, 700_000_000, 550_000_000, 550_000_000],
     [2_000_000_000, 1_300_000_000, 1_000_000_000, 1_000_000_000],
 ];
+/// Where the second bank begins.
+const BANK_2: u32 = WRITABLE.end;
+/// For a bank of 1 MiB (DocID024030, flash memory programming), as above.
+const BANK_ERASE_NS: [u64; 4] = [16_000_000_000, 11_000_000_000, 8_000_000_000, 8_000_000_000];
 const ROW_BYTES: u32 = 16;
 
 const PROGRAMMED: &str = "sector 0 or 1 was programmed: the others can be, these are as if protected";
 const ERASED: &str = "sector 0 or 1 was erased: the others can be, these are as if protected";
 const MASS_ERASED: &str = "CR.MER: sectors 0 and 1 are as if protected, so that not all can be erased";
-const BANK_ERASED: &str = "CR.MER1: a mass erase of bank 2 is not modelled: nothing was erased";
 const READ_WHILE_BUSY: &str = "a DMA stream read flash while BSY: silicon holds it up, here it does not wait";
 
 #[derive(Debug, Clone, Copy)]
@@ -240,6 +242,7 @@ impl FlashController {
     /// CR.STRT (section 3.6.3).
     fn start(&mut self, now: u64) {
         let sector = sector(field(self.cr, 3, 5)).filter(|sector| sector.start < self.end);
+        let parallelism = field(self.cr, 8, 2) as usize;
         let (note, flag) = match (self.cr & (SER | MER | MER1), sector) {
             (SER, Some(sector)) if sector.start >= WRITABLE.start => {
                 let bytes = sector.len() as u32;
@@ -248,13 +251,16 @@ impl FlashController {
                     64 => 1,
                     _ => 2,
                 };
-                let ns = ERASE_NS[size][field(self.cr, 8, 2) as usize];
+                let ns = ERASE_NS[size][parallelism];
                 return self.begin(now, sector.start, bytes, None, ns);
             }
             (SER, Some(_)) => (ERASED, WRPERR),
             (SER, None) => ("CR.SNB names no sector: nothing was erased", 0),
             (MER, _) => (MASS_ERASED, WRPERR),
-            (MER1, _) => (BANK_ERASED, 0),
+            (MER1, _) => {
+                let ns = BANK_ERASE_NS[parallelism];
+                return self.begin(now, BANK_2, self.end - BANK_2, None, ns);
+            }
             // With both set, neither erase can be performed.
             _ => ("CR.STRT without either SER or MER alone: nothing was erased", 0),
         };
@@ -498,8 +504,16 @@ mod tests {
         flash.put(0, [(CR, SER | 11 << 3 | STRT)]);
         assert!(flash.stalls());
         flash.finish();
-        flash.put(0, [(CR, MER1 | STRT)]);
-        assert_eq!((flash.busy(), flash.notes.iter().count()), (false, 1));
+        let ends = [BANK_2, 0x0820_0000 - 4];
+        for address in ends {
+            program(&mut flash, address, 0, 0);
+        }
+        flash.put(0, [(CR, MER1 | BY_WORDS | STRT)]);
+        assert_eq!(flash.next_event(), Some((8_000_000_000, FlashEvent::Finished)));
+        assert!(!flash.stalls());
+        assert_eq!(flash.finish(), BANK_2..0x0820_0000);
+        assert_eq!(ends.map(|address| word(&flash, address)), [u32::MAX; 2]);
+        assert_eq!(flash.notes.iter().count(), 0);
         let mut one = unlocked();
         one.put(0, [(CR, SER | 0x10 << 3)]);
         assert_eq!(one.get(CR, 0), SER, "no such bit");
