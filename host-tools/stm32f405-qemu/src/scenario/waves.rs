@@ -1,7 +1,11 @@
-//! Waveforms in files: columns of CSV, channels of WAV.
+//! Waveforms in files: columns of CSV and Parquet, channels of WAV.
 
+use std::fs::File;
+use std::panic::catch_unwind;
 use std::path::Path;
 
+use parquet::file::reader::{FileReader, SerializedFileReader};
+use parquet::record::Field;
 use serde::Deserialize;
 
 /// Full scale of the converter, and the voltage that is it.
@@ -28,13 +32,19 @@ pub(super) struct Wave {
 }
 
 impl Wave {
-    /// Reads a column of a CSV file, or a channel of a WAV file (1 is the first).
+    /// Reads a column of a CSV or Parquet file, or a channel of a WAV file (1 is the first).
     pub(super) fn read(path: &Path, column: Option<&str>, channel: Option<u16>) -> Result<Self, String> {
         let kind = path.extension().and_then(|kind| kind.to_str()).unwrap_or("");
         match kind.to_ascii_lowercase().as_str() {
             "csv" => of_csv(path, column),
+            // Its reader panics at some files that are damaged.
+            "parquet" => catch_unwind(|| of_parquet(path, column))
+                .unwrap_or_else(|_| Err(format!("cannot read {}: it is damaged", path.display()))),
             "wav" => of_wav(path, channel.unwrap_or(1)),
-            _ => Err(format!("{} is neither .csv nor .wav", path.display())),
+            _ => Err(format!(
+                "{} is neither .csv nor .parquet nor .wav",
+                path.display()
+            )),
         }
     }
 
@@ -62,25 +72,71 @@ fn unreadable(path: &Path, error: impl std::fmt::Display) -> String {
     format!("cannot read {}: {error}", path.display())
 }
 
-/// The first line has the names of the columns. A column `t` has the times, in seconds.
-fn of_csv(path: &Path, column: Option<&str>) -> Result<Wave, String> {
-    let mut reader = csv::Reader::from_path(path).map_err(|error| unreadable(path, error))?;
-    let header = reader.headers().map_err(|error| unreadable(path, error))?.clone();
-    let names: Vec<&str> = header.iter().map(str::trim).collect();
+/// Places of the columns of a table that has these names: that of the values, and that of the times in seconds,
+/// `t`, if there is one.
+fn columns(names: &[&str], column: Option<&str>) -> Result<(usize, Option<usize>), String> {
     let place = |wanted: &str| names.iter().position(|name| *name == wanted);
+    let listed = || names.join(", ");
     let of_values = match column {
         Some(wanted) => {
-            place(wanted).ok_or_else(|| format!("it has no column {wanted:?}, but {}", names.join(", ")))?
+            place(wanted).ok_or_else(|| format!("it has no column {wanted:?}, but {}", listed()))?
         }
         None => {
             let others: Vec<usize> = (0..names.len()).filter(|place| names[*place] != "t").collect();
             match others[..] {
                 [only] => only,
-                _ => return Err(format!("it has the columns {}: give one", names.join(", "))),
+                _ => return Err(format!("it has the columns {}: give one", listed())),
             }
         }
     };
-    let of_times = place("t");
+    Ok((of_values, place("t")))
+}
+
+/// The columns are those of the schema, which are numbers without an inner structure.
+fn of_parquet(path: &Path, column: Option<&str>) -> Result<Wave, String> {
+    let refused = |error: parquet::errors::ParquetError| unreadable(path, error);
+    let file = File::open(path).map_err(|error| unreadable(path, error))?;
+    let reader = SerializedFileReader::new(file).map_err(refused)?;
+    let schema = reader.metadata().file_metadata().schema().get_fields().to_vec();
+    let names: Vec<&str> = schema.iter().map(|field| field.name()).collect();
+    let (of_values, of_times) = columns(&names, column)?;
+    let (mut values, mut times) = (Vec::new(), Vec::new());
+    for (n, row) in reader.get_row_iter(None).map_err(refused)?.enumerate() {
+        let fields = row.map_err(refused)?.into_columns();
+        let number = |place: usize| {
+            let (name, field) = &fields[place];
+            let found = number_of(field).filter(|number| number.is_finite());
+            found.ok_or_else(|| format!("row {n}: {name} is {field}, which is no number"))
+        };
+        values.push(number(of_values)?);
+        times.extend(of_times.map(&number).transpose()?);
+    }
+    let period_ns = period(&times)?;
+    Ok(Wave { values, period_ns })
+}
+
+fn number_of(field: &Field) -> Option<f64> {
+    Some(match *field {
+        Field::Byte(number) => number.into(),
+        Field::Short(number) => number.into(),
+        Field::Int(number) => number.into(),
+        Field::Long(number) => number as f64,
+        Field::UByte(number) => number.into(),
+        Field::UShort(number) => number.into(),
+        Field::UInt(number) => number.into(),
+        Field::ULong(number) => number as f64,
+        Field::Float(number) => number.into(),
+        Field::Double(number) => number,
+        _ => return None,
+    })
+}
+
+/// The first line has the names of the columns. A column `t` has the times, in seconds.
+fn of_csv(path: &Path, column: Option<&str>) -> Result<Wave, String> {
+    let mut reader = csv::Reader::from_path(path).map_err(|error| unreadable(path, error))?;
+    let header = reader.headers().map_err(|error| unreadable(path, error))?.clone();
+    let names: Vec<&str> = header.iter().map(str::trim).collect();
+    let (of_values, of_times) = columns(&names, column)?;
     let (mut values, mut times) = (Vec::new(), Vec::new());
     for record in reader.records() {
         let record = record.map_err(|error| unreadable(path, error))?;
@@ -163,6 +219,48 @@ mod tests {
         assert_eq!(volts, Ok(vec![2048, 2668, 807]));
         let third = Wave::read(&path, None, Some(3)).unwrap_err();
         assert!(third.contains("2 channels"), "{third}");
+    }
+
+    #[test]
+    fn a_column_of_a_parquet_file_has_the_times_of_its_column_t() {
+        use parquet::data_type::{DoubleType, Int32Type};
+        use parquet::file::writer::SerializedFileWriter;
+        use parquet::schema::parser::parse_message_type;
+
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("level.parquet");
+        let schema = "message wave { REQUIRED DOUBLE t; REQUIRED INT32 code; REQUIRED DOUBLE volts; }";
+        let schema = parse_message_type(schema).unwrap().into();
+        let mut writer =
+            SerializedFileWriter::new(File::create(&path).unwrap(), schema, Default::default()).unwrap();
+        let mut rows = writer.next_row_group().unwrap();
+        for values in [Some([0.0, 2e-5, 4e-5]), None, Some([0.0, 1.65, 3.3])] {
+            let mut column = rows.next_column().unwrap().unwrap();
+            match values {
+                Some(values) => column.typed::<DoubleType>().write_batch(&values, None, None),
+                None => column.typed::<Int32Type>().write_batch(&[5, 4095, 0], None, None),
+            }
+            .unwrap();
+            column.close().unwrap();
+        }
+        rows.close().unwrap();
+        writer.close().unwrap();
+
+        let read = |column| Wave::read(&path, Some(column), None);
+        let code = read("code").unwrap();
+        assert_eq!(code.period_ns, Some(20_000));
+        assert_eq!(code.codes(Unit::Codes, 1.0, 0.0), Ok(vec![5, 4095, 0]));
+        let volts = read("volts").unwrap().codes(Unit::Volts, 1.0, 0.0);
+        assert_eq!(volts, Ok(vec![0, 2048, 4095]));
+        assert_eq!(
+            read("x").unwrap_err(),
+            "it has no column \"x\", but t, code, volts"
+        );
+        let mut bytes = std::fs::read(&path).unwrap();
+        bytes.truncate(bytes.len() - 9);
+        std::fs::write(&path, bytes).unwrap();
+        let damaged = read("code").unwrap_err();
+        assert!(damaged.starts_with("cannot read"), "{damaged}");
     }
 
     #[test]
