@@ -354,6 +354,10 @@ impl Tim {
 
     /// Returns `true` if an edge at any input could raise an interrupt line.
     pub(crate) fn captures_interrupt(&self) -> bool {
+        // Asked at each access, of all timers, most of which are off.
+        if self.dier == 0 {
+            return false;
+        }
         let waits = |channel: usize| self.is_input(channel) && self.may_raise(2 << channel);
         let by_trigger = matches!(self.slave_mode(), RESTARTS | STARTS) && self.may_raise(TRIGGER | UPDATE);
         (0..self.kind.channels).any(waits) || by_trigger || self.steps_may_raise()
@@ -831,7 +835,7 @@ impl Peripheral for Tim {
     }
 
     fn next_interrupt(&self) -> Option<u64> {
-        if !self.counter.counts() {
+        if self.dier == 0 || !self.counter.counts() {
             return None;
         }
         let update = self.counter.update_after(self.seen);
