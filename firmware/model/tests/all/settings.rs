@@ -276,6 +276,11 @@ fn masses_address_places_flag_and_noise_have_their_limits() {
         let found = refused(|one| one.acceleration.noise = noise);
         assert_eq!(found.0, Key::AccelerationNoise);
     }
+    // Its ring-down would have coefficients that are infinite.
+    for stiffness in [4e-317, 9e-7, 2e15] {
+        let found = refused(|one| one.intruder.stiffness = stiffness);
+        assert_eq!(found.0, Key::IntruderStiffness);
+    }
 }
 
 #[test]
