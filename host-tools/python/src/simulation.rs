@@ -41,16 +41,16 @@ fn observables(names: &[String], model: &Model) -> PyResult<Vec<Observable>> {
             to.extend((1..=s.model().contacts()).map(|contact| s.force(contact)));
         }),
         ("intruder_displacement", Some(intruders), |s, to| {
-            hosts(s, to, |s, bead| s.intruder_displacement(bead));
+            each(s, to, |s, number| s.motion_of(number).displacement);
         }),
         ("intruder_velocity", Some(intruders), |s, to| {
-            hosts(s, to, |s, bead| s.intruder_velocity(bead));
+            each(s, to, |s, number| s.motion_of(number).velocity);
         }),
         ("intruder_acceleration", Some(intruders), |s, to| {
-            hosts(s, to, |s, bead| s.intruder_acceleration(bead));
+            each(s, to, |s, number| s.motion_of(number).acceleration);
         }),
         ("intruder_dissipated", Some(intruders), |s, to| {
-            hosts(s, to, |s, bead| s.intruder_dissipated(bead));
+            each(s, to, |s, number| s.dissipated_by(number));
         }),
         ("striker_energy", None, |s, to| to.push(s.energies().striker)),
         ("chain_energy", None, |s, to| to.push(s.energies().chain)),
@@ -82,9 +82,8 @@ fn observables(names: &[String], model: &Model) -> PyResult<Vec<Observable>> {
 }
 
 /// A quantity of each intruder, in the order of the beads.
-fn hosts(s: &Snapshot<'_>, to: &mut Vec<f64>, of: fn(&Snapshot<'_>, usize) -> Option<f64>) {
-    let intruders = s.model().intruders().iter();
-    to.extend(intruders.map(|intruder| of(s, intruder.bead).unwrap_or(f64::NAN)));
+fn each(s: &Snapshot<'_>, to: &mut Vec<f64>, of: fn(&Snapshot<'_>, usize) -> f64) {
+    to.extend((0..s.model().intruders().len()).map(|number| of(s, number)));
 }
 
 /// Runs a scenario. Returns `time`, the observables by name, `bodies`, `contacts` and `intruders` (the

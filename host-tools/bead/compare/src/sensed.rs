@@ -5,7 +5,7 @@ use std::path::Path;
 
 use bead_model::design::{Bead, Followers, Intruder, LEAST_WIDTH, Neighbours, Surroundings};
 use bead_model::reduced_chain::FOLLOWERS;
-use hertz_chain::{Curve, Model, Options, Scenario, Solution, read_text, simulate_with};
+use hertz_chain::{Curve, HostedIntruder, Model, Options, Scenario, Solution, read_text, simulate_with};
 use serde::{Deserialize, Serialize};
 
 use crate::error::CompareError;
@@ -20,7 +20,7 @@ pub const RING_DOWN: f64 = 6e-3;
 /// The bead and its surroundings, from which its settings are derived.
 ///
 /// # Errors
-/// The bead has no intruder, and so senses nothing; the message names those that have one.
+/// The bead has no intruder, and so senses nothing; the message names those that have one. Or it has several.
 pub fn bead_of(solution: &Solution, bead: usize) -> Result<Bead, CompareError> {
     let model = solution.model();
     let Some(intruder) = model.intruders().iter().find(|intruder| intruder.bead == bead) else {
@@ -33,6 +33,12 @@ pub fn bead_of(solution: &Solution, bead: usize) -> Result<Bead, CompareError> {
         };
         return Err(CompareError::Unfit(format!("--bead {bead}: {what}")));
     };
+    let several = model.intruders_of(bead).len();
+    if several > 1 {
+        return Err(CompareError::Unfit(format!(
+            "--bead {bead}: it has {several} intruders, and the sensor of a bead is the only one in it; choose a host of one"
+        )));
+    }
     if bead + 1 == model.bodies() {
         return Err(CompareError::Unfit(format!(
             "--bead {bead}: the last bead has none behind it, and the reduced chain needs one; choose another host"
@@ -95,9 +101,9 @@ fn unlike_followers(model: &Model, bead: usize) -> Option<Followers> {
 /// first follower that holds one.
 fn intruders_around(solution: &Solution, bead: usize) -> Neighbours {
     let intruders = solution.model().intruders();
-    let at = |place: usize| {
-        let mut held = intruders.iter().filter(|one| one.bead == place);
-        held.next().map(|one| one.oscillator)
+    let at = |place: usize| match &intruders[solution.model().intruders_of(place)] {
+        [one] => Some(one.oscillator),
+        _ => None,
     };
     let followers = std::array::from_fn::<_, FOLLOWERS, _>(|follower| at(bead + 1 + follower));
     let first = followers.iter().flatten().next().copied();
@@ -148,11 +154,16 @@ pub fn unlike_the_reduced_chain(solution: &Solution, bead: usize) -> UnlikeChain
             .filter(|one| (1..=FOLLOWERS).contains(&one.bead.wrapping_sub(bead)))
     };
     let first = behind().next().map(|one| one.oscillator);
-    if let Some(other) = behind().find(|one| Some(one.oscillator) != first) {
+    let is_other =
+        |one: &&HostedIntruder| Some(one.oscillator) != first || model.intruders_of(one.bead).len() > 1;
+    if let Some(other) = behind().find(is_other) {
         unlike.explained[1] = f64::INFINITY;
+        let holds = match model.intruders_of(other.bead).len() {
+            1 => format!("another intruder than those nearer to bead {bead}"),
+            several => format!("{several} intruders"),
+        };
         unlike.notes.push(format!(
-            "bead {} holds another intruder than those nearer to bead {bead}: estimate B reckons with one kind and is off \
-             here; A is not concerned",
+            "bead {} holds {holds}: estimate B reckons with one kind and is off here; A is not concerned",
             other.bead
         ));
     }

@@ -31,21 +31,26 @@ impl ChainOfScenario {
     /// The intruder in bead `bead` of a scenario.
     ///
     /// # Errors
-    /// There is none, or no run has tangents: one line.
+    /// There is none, there are several, or no run has tangents: one line.
     pub fn new(scenario: &Scenario, bead: usize) -> Result<Self, String> {
-        let table = scenario
-            .intruders
-            .iter()
-            .position(|one| one.beads.contains(&bead));
-        let table = table.ok_or_else(|| {
-            let with: Vec<usize> = scenario
-                .intruders
-                .iter()
-                .flat_map(|one| one.beads.clone())
-                .collect();
-            format!("bead {bead} of the scenario has no intruder; those with one are {with:?}")
-        })?;
-        Self::of(scenario, bead, Some(table))
+        let tables = scenario.intruders.iter().enumerate();
+        let held: Vec<usize> = tables
+            .filter(|(_, one)| one.beads.contains(&bead))
+            .map(|(table, _)| table)
+            .collect();
+        match held[..] {
+            [table] => Self::of(scenario, bead, Some(table)),
+            [] => {
+                let with = scenario.hosts();
+                Err(format!(
+                    "bead {bead} of the scenario has no intruder; those with one are {with:?}"
+                ))
+            }
+            _ => Err(format!(
+                "bead {bead} of the scenario holds {} intruders, and a chain that is identified one in each host at most",
+                held.len()
+            )),
+        }
     }
 
     /// The intruder of a bead with this address: in bead `place`, else in the one whose number the address

@@ -68,25 +68,13 @@ pub(crate) fn one_bead(text: &str) -> Result<usize, String> {
     }
 }
 
-/// Beads with an intruder, in ascending order.
-fn with_intruder(scenario: &Scenario) -> Vec<usize> {
-    let mut beads: Vec<_> = scenario
-        .intruders
-        .iter()
-        .flat_map(|intruder| &intruder.beads)
-        .copied()
-        .collect();
-    beads.sort_unstable();
-    beads
-}
-
 impl BeadNumbers {
     /// The beads, in ascending order, with an intruder or without.
     pub(crate) fn listed(&self, scenario: &Scenario) -> Result<Vec<usize>, BenchError> {
         let beads = match self {
             Self::One(bead) => vec![*bead],
             Self::Several(beads) => beads.clone(),
-            Self::All => with_intruder(scenario),
+            Self::All => scenario.hosts(),
         };
         if beads.is_empty() {
             return Err(BenchError::Unfit(
@@ -98,7 +86,7 @@ impl BeadNumbers {
 
     /// The beads, in ascending order. Each has an intruder.
     pub(crate) fn of(&self, scenario: &Scenario) -> Result<Vec<usize>, BenchError> {
-        let with = with_intruder(scenario);
+        let with = scenario.hosts();
         if with.is_empty() {
             return Self::All.listed(scenario);
         }

@@ -73,6 +73,11 @@ fn wrong_scenarios(scenario: &str, write: &dyn Fn(&str, &[u8])) {
             "damping = 12.0",
             "cubic_stiffness = -1e18\ndamping = 12.0",
         ),
+        (
+            "held",
+            "damping = 12.0",
+            "damping = 12.0\n[[intruder]]\nbeads = 8\nmass = 1e-3\nstiffness = 1e6\ndamping = 1.0",
+        ),
         ("years", "duration = 0.006", "duration = 1e30"),
         ("lines", "radius = 0.019 ", "\"radios\\nin lines\" = 0.019 "),
         ("many", "beads = 16", "beads = 1000000000000"),

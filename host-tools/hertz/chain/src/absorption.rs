@@ -2,7 +2,6 @@
 
 use serde::Serialize;
 
-use crate::model::HostedIntruder;
 use crate::solution::{Snapshot, Solution};
 
 /// The energy that one intruder has taken by some time.
@@ -11,6 +10,9 @@ use crate::solution::{Snapshot, Solution};
 pub struct Absorption {
     /// The host bead.
     pub bead: usize,
+    /// Its place among the intruders of a bead that holds several, from 1, in the order of their tables.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub place: Option<usize>,
     /// Dissipated in its damper, ∫ c x'² dt, J.
     pub dissipated: f64,
     /// Still in its motion and its spring, ½ m u'² + ½ k x² + ¼ k₃ x⁴, J.
@@ -29,18 +31,19 @@ impl Absorption {
         let striker = model.striker_energy();
         let energies = snapshot.energies();
         let injected = model.initial_energy() + energies.supplied - energies.striker;
-        let of = |intruder: &HostedIntruder| {
-            let bead = intruder.bead;
-            let region = snapshot.region(bead..=bead);
+        let of = |number: usize| {
+            let bead = model.intruders()[number].bead;
+            let dissipated = snapshot.dissipated_by(number);
             Self {
                 bead,
-                dissipated: region.intruder_dissipated,
-                stored: region.intruder_kinetic + region.intruder_elastic,
-                of_striker: region.intruder_dissipated / striker,
-                of_injected: region.intruder_dissipated / injected,
+                place: model.place_in_host(number),
+                dissipated,
+                stored: snapshot.stored_by(number),
+                of_striker: dissipated / striker,
+                of_injected: dissipated / injected,
             }
         };
-        model.intruders().iter().map(of).collect()
+        (0..model.intruders().len()).map(of).collect()
     }
 }
 

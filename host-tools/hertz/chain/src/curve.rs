@@ -59,7 +59,7 @@ impl Solution {
         }
     }
 
-    /// Absolute acceleration of the intruder in `bead`, m/s²; `None` without an intruder.
+    /// Absolute acceleration of the intruder in `bead`, m/s²; `None` without an intruder, or with several.
     pub fn acceleration_curve(&self, bead: usize) -> Option<Curve> {
         let intruder = self.model.intruder_of(bead)?;
         Some(self.curve(CurveQuantity::Acceleration(intruder)))

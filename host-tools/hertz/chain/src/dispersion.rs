@@ -10,7 +10,8 @@
 //! from the equations of motion with V, u ~ exp(i(q n - ω t)). The lesser root is the acoustic branch, in
 //! which bead and intruder move together; the greater one is the optical branch. Between them lies a gap. A
 //! cell of several beads has a branch for each bead and each intruder: ω² are the eigenvalues of a Hermitian
-//! matrix, in which the contact from cell to cell has the factor exp(iq). Dampers and viscous contacts are
+//! matrix, in which the contact from cell to cell has the factor exp(iq). So are those of a bead with several
+//! intruders, one band for each. Dampers and viscous contacts are
 //! left out: they widen the edges and do not move them at first order.
 
 use std::f64::consts::{PI, TAU};
@@ -31,11 +32,11 @@ pub struct Dispersion {
 }
 
 /// A bead of a cell.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 struct CellBead {
-    /// Mass with the intruder, kg.
+    /// Mass with the intruders, kg.
     mass: f64,
-    intruder: Option<Oscillator>,
+    intruders: Vec<Oscillator>,
     /// Stiffness of the contact behind it against small changes, N/m.
     stiffness: f64,
 }
@@ -82,13 +83,12 @@ impl Dispersion {
         }
         let beads = scenario.chain.beads;
         let spheres = scenario.spheres();
-        let oscillator = |bead: usize| {
-            let intruder = model.intruder_of(bead);
-            intruder.map(|intruder| model.intruders()[intruder].oscillator)
+        let held = |bead: usize| {
+            let intruders = &model.intruders()[model.intruders_of(bead)];
+            intruders.iter().map(|intruder| intruder.oscillator)
         };
         let repeats = |cell: usize| {
-            (cell..beads)
-                .all(|n| spheres[n] == spheres[n - cell] && oscillator(n + 1) == oscillator(n + 1 - cell))
+            (cell..beads).all(|n| spheres[n] == spheres[n - cell] && held(n + 1).eq(held(n + 1 - cell)))
         };
         let Some(cell) = (1..=beads / 2).find(|&cell| repeats(cell)) else {
             let uneven = spheres[1..].iter().any(|sphere| *sphere != spheres[0]);
@@ -103,7 +103,7 @@ impl Dispersion {
         };
         let of = |bead: usize| CellBead {
             mass: model.mass(bead),
-            intruder: oscillator(bead),
+            intruders: held(bead).collect(),
             stiffness: model.contact(bead + 1).linear_stiffness(),
         };
         Ok(Self {
@@ -120,7 +120,7 @@ impl Dispersion {
     /// each intruder of a cell.
     pub fn frequencies(&self, wave_number: f64) -> Vec<f64> {
         match &self.cell[..] {
-            [bead] => bead.frequencies(wave_number),
+            [bead] if bead.intruders.len() <= 1 => bead.frequencies(wave_number),
             cell => frequencies_of_cell(cell, wave_number),
         }
     }
@@ -143,11 +143,11 @@ impl Dispersion {
 }
 
 impl CellBead {
-    /// Frequencies of a chain of such beads, Hz: the roots of the quartic.
-    fn frequencies(self, wave_number: f64) -> Vec<f64> {
+    /// Frequencies of a chain of such beads, with one intruder each at most, Hz: the roots of the quartic.
+    fn frequencies(&self, wave_number: f64) -> Vec<f64> {
         let sine = (0.5 * wave_number).sin();
         let contacts = 4.0 * self.stiffness * sine * sine;
-        let Some(Oscillator { mass, stiffness, .. }) = self.intruder else {
+        let [Oscillator { mass, stiffness, .. }] = self.intruders[..] else {
             return vec![(contacts / self.mass).sqrt() / TAU];
         };
         let shell = self.mass - mass;
@@ -168,9 +168,9 @@ impl CellBead {
 fn frequencies_of_cell(cell: &[CellBead], wave_number: f64) -> Vec<f64> {
     let beads = cell.len();
     let intruders: Vec<(usize, Oscillator)> = (cell.iter().enumerate())
-        .filter_map(|(bead, of)| Some((bead, of.intruder?)))
+        .flat_map(|(bead, of)| of.intruders.iter().map(move |one| (bead, *one)))
         .collect();
-    let inner = |bead: &CellBead| bead.intruder.map_or(0.0, |intruder| intruder.mass);
+    let inner = |bead: &CellBead| -> f64 { bead.intruders.iter().map(|intruder| intruder.mass).sum() };
     let mut masses: Vec<f64> = cell.iter().map(|bead| bead.mass - inner(bead)).collect();
     masses.extend(intruders.iter().map(|(_, intruder)| intruder.mass));
     let count = masses.len();
@@ -284,11 +284,42 @@ mod tests {
         }
     }
 
+    /// 4 K sin²(q/2) = ω² (m₁ + Σ m k / (k - m ω²)), the effective mass of a bead with several intruders.
+    #[test]
+    fn a_bead_with_several_intruders_has_a_band_more_for_each() {
+        let mut scenario = loaded(10.0);
+        let light = Oscillator {
+            mass: 1.5e-3,
+            stiffness: 5e5,
+            damping: 0.0,
+        };
+        scenario
+            .intruders
+            .push(Intruder::new(1..=scenario.chain.beads, light));
+        let dispersion = Dispersion::of(&scenario).unwrap();
+        let bead = &dispersion.cell[0];
+        let inner: f64 = bead.intruders.iter().map(|one| one.mass).sum();
+        for wave_number in [0.3, 1.7, PI] {
+            let sine = (0.5 * wave_number).sin();
+            let frequencies = dispersion.frequencies(wave_number);
+            assert_eq!(frequencies.len(), 3);
+            for hz in frequencies {
+                let square = (TAU * hz).powi(2);
+                let effective =
+                    |one: &Oscillator| one.mass * one.stiffness / (one.stiffness - one.mass * square);
+                let mass = bead.mass - inner + bead.intruders.iter().map(effective).sum::<f64>();
+                let off = square * mass / (4.0 * bead.stiffness * sine * sine) - 1.0;
+                assert!(off.abs() < 1e-9, "{hz}: {off}");
+            }
+        }
+        assert_eq!(dispersion.bands().pass.len(), 3);
+    }
+
     #[test]
     fn a_cell_of_like_beads_has_the_folded_branches_of_one() {
         // Three equal beads with intruders, whose wave has thrice the phase from cell to cell.
         let one = Dispersion::of(&loaded(10.0)).unwrap();
-        let three = vec![one.cell[0]; 3];
+        let three = vec![one.cell[0].clone(); 3];
         let folded = [0.2, 0.2 + TAU / 3.0, 0.2 - TAU / 3.0];
         let mut expected: Vec<f64> = folded.into_iter().flat_map(|q| one.frequencies(q)).collect();
         expected.sort_by(f64::total_cmp);

@@ -70,7 +70,7 @@ pub use shaker::{FrequencySweep, ShakerResponse};
 pub use signal::Signal;
 pub use simulate::{Accuracy, Options, SimulateError, simulate, simulate_with};
 pub use snapshots::Snapshots;
-pub use solution::{Sampler, Snapshot, Solution};
+pub use solution::{IntruderMotion, Sampler, Snapshot, Solution};
 pub use spectrum::Spectrum;
 pub use split::Split;
 pub use summariser::{Summariser, summarise};

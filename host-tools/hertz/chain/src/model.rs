@@ -33,6 +33,7 @@ mod start;
 #[cfg(test)]
 mod symmetry;
 
+use std::ops::Range;
 use std::sync::Arc;
 
 pub use self::contact::Contact;
@@ -635,11 +636,22 @@ impl Model {
         bodies + intruders
     }
 
-    /// The index of the intruder in `bead`.
+    /// The number of the intruder in `bead`, unless it holds none or several.
     pub(crate) fn intruder_of(&self, bead: usize) -> Option<usize> {
-        self.intruders
-            .binary_search_by_key(&bead, |intruder| intruder.bead)
-            .ok()
+        let numbers = self.intruders_of(bead);
+        Some(numbers.start).filter(|_| numbers.len() == 1)
+    }
+
+    /// The place of an intruder among those of a bead that holds several, from 1.
+    pub fn place_in_host(&self, intruder: usize) -> Option<usize> {
+        let others = self.intruders_of(self.intruders[intruder].bead);
+        (others.len() > 1).then(|| intruder - others.start + 1)
+    }
+
+    /// Numbers of the intruders in a bead, in the order of their tables, as in [`Model::intruders`].
+    pub fn intruders_of(&self, bead: usize) -> Range<usize> {
+        let before = |bead: usize| self.intruders.partition_point(|intruder| intruder.bead < bead);
+        before(bead)..before(bead + 1)
     }
 
     /// Acceleration u'' of an intruder, m/s², at a displacement relative to its host, m, and its rate, m/s.

@@ -12,7 +12,7 @@ use std::sync::Arc;
 use crate::model::Model;
 use crate::options::{Accuracy, SimulateError};
 use crate::scenario::Scenario;
-use crate::solution::Snapshot;
+use crate::solution::{IntruderMotion, Snapshot};
 use crate::solver::{Lanes, StepMoment, Stepper};
 
 /// A chain in motion. A clone is independent of it. A step that cannot advance the clock fails with
@@ -305,21 +305,26 @@ impl StepView<'_> {
         load + self.model.force_beyond_at(contact, change, rate)
     }
 
-    /// Displacement of the intruder in `bead` relative to its host, x = u - U, m; `None` without an intruder.
+    /// Motion of an intruder, by its number in [`Model::intruders`]; panics if the chain has no such
+    /// intruder.
+    pub fn motion_of(&self, intruder: usize) -> IntruderMotion {
+        IntruderMotion::of(self.model, intruder, self.stepper.guest(intruder))
+    }
+
+    /// Displacement of the intruder in `bead` relative to its host, x = u - U, m; `None` for a bead without
+    /// an intruder, or with several, as in the two functions that follow ([`StepView::motion_of`] has each).
     pub fn intruder_displacement(&self, bead: usize) -> Option<f64> {
-        Some(self.stepper.guest(self.model.intruder_of(bead)?).0)
+        Some(self.motion_of(self.model.intruder_of(bead)?).displacement)
     }
 
-    /// Velocity of the intruder in `bead` relative to its host, m/s; `None` without an intruder.
+    /// Velocity of the intruder in `bead` relative to its host, m/s.
     pub fn intruder_velocity(&self, bead: usize) -> Option<f64> {
-        Some(self.stepper.guest(self.model.intruder_of(bead)?).1)
+        Some(self.motion_of(self.model.intruder_of(bead)?).velocity)
     }
 
-    /// Absolute acceleration of the intruder in `bead`, m/s²; `None` without an intruder.
+    /// Absolute acceleration of the intruder in `bead`, m/s².
     pub fn intruder_acceleration(&self, bead: usize) -> Option<f64> {
-        let intruder = self.model.intruder_of(bead)?;
-        let (x, x_rate) = self.stepper.guest(intruder);
-        Some(self.model.acceleration_at(intruder, x, x_rate))
+        Some(self.motion_of(self.model.intruder_of(bead)?).acceleration)
     }
 }
 

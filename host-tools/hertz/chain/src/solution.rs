@@ -119,6 +119,28 @@ impl<'a> Sampler<'a> {
     }
 }
 
+/// Motion of an intruder at one time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct IntruderMotion {
+    /// Displacement relative to its host, x = u - U, m.
+    pub displacement: f64,
+    /// Velocity relative to its host, m/s.
+    pub velocity: f64,
+    /// Absolute acceleration u'', m/s².
+    pub acceleration: f64,
+}
+
+impl IntruderMotion {
+    pub(crate) fn of(model: &Model, intruder: usize, (displacement, velocity): (f64, f64)) -> Self {
+        Self {
+            displacement,
+            velocity,
+            acceleration: model.acceleration_at(intruder, displacement, velocity),
+        }
+    }
+}
+
 /// A chain at one time. Bodies are counted from 0, the striker; beads and contacts from 1. A body or contact
 /// that is not of the chain panics.
 #[derive(Debug, Clone)]
@@ -163,28 +185,54 @@ impl<'a> Snapshot<'a> {
         self.model.force(&self.state, contact)
     }
 
-    /// Displacement of the intruder in `bead` relative to its host, x = u - U, m; `None` without an intruder.
+    /// Motion of an intruder, by its number in [`Model::intruders`].
+    ///
+    /// # Panics
+    /// The chain has no such intruder.
+    pub fn motion_of(&self, intruder: usize) -> IntruderMotion {
+        let layout = self.model.layout();
+        let (x, rate) = (
+            self.state[layout.relative(intruder)],
+            self.state[layout.relative_velocity(intruder)],
+        );
+        IntruderMotion::of(&self.model, intruder, (x, rate))
+    }
+
+    /// Energy that an intruder has dissipated, ∫ c x'² dt, J. Panics as [`Snapshot::motion_of`].
+    pub fn dissipated_by(&self, intruder: usize) -> f64 {
+        self.model.intruders()[intruder];
+        self.state[self.model.layout().intruder_loss(intruder)]
+    }
+
+    /// Energy in the motion and in the spring of an intruder, ½ m u'² + ½ k x² + ¼ k₃ x⁴, J. Panics as
+    /// [`Snapshot::motion_of`].
+    pub fn stored_by(&self, intruder: usize) -> f64 {
+        let one = &self.model.intruders()[intruder];
+        let motion = self.motion_of(intruder);
+        let velocity = self.velocity(one.bead) + motion.velocity;
+        0.5 * one.oscillator.mass * velocity * velocity + one.elastic_energy(motion.displacement)
+    }
+
+    /// Displacement of the intruder in `bead` relative to its host, x = u - U, m; `None` for a bead without
+    /// an intruder, or with several, as in the three functions that follow ([`Snapshot::motion_of`] has
+    /// each).
     pub fn intruder_displacement(&self, bead: usize) -> Option<f64> {
-        let intruder = self.model.intruder_of(bead)?;
-        Some(self.state[self.model.layout().relative(intruder)])
+        Some(self.motion_of(self.model.intruder_of(bead)?).displacement)
     }
 
-    /// Velocity of the intruder in `bead` relative to its host, m/s; `None` without an intruder.
+    /// Velocity of the intruder in `bead` relative to its host, m/s.
     pub fn intruder_velocity(&self, bead: usize) -> Option<f64> {
-        let intruder = self.model.intruder_of(bead)?;
-        Some(self.state[self.model.layout().relative_velocity(intruder)])
+        Some(self.motion_of(self.model.intruder_of(bead)?).velocity)
     }
 
-    /// Absolute acceleration of the intruder in `bead`, m/s²; `None` without an intruder.
+    /// Absolute acceleration of the intruder in `bead`, m/s².
     pub fn intruder_acceleration(&self, bead: usize) -> Option<f64> {
-        let (x, rate) = (self.intruder_displacement(bead)?, self.intruder_velocity(bead)?);
-        Some(self.model.acceleration_at(self.model.intruder_of(bead)?, x, rate))
+        Some(self.motion_of(self.model.intruder_of(bead)?).acceleration)
     }
 
-    /// Energy that the intruder in `bead` has dissipated, ∫ c x'² dt, J; `None` without an intruder.
+    /// Energy that the intruder in `bead` has dissipated, ∫ c x'² dt, J.
     pub fn intruder_dissipated(&self, bead: usize) -> Option<f64> {
-        let intruder = self.model.intruder_of(bead)?;
-        Some(self.state[self.model.layout().intruder_loss(intruder)])
+        Some(self.dissipated_by(self.model.intruder_of(bead)?))
     }
 
     /// Energies of beads `beads.start()` to `beads.end()`, by kind, J; body 0 is the striker.

@@ -18,7 +18,7 @@ use std::ops::Range;
 use std::time::Instant;
 
 use crate::bisection::bisect;
-use crate::model::{HostedIntruder, Model};
+use crate::model::Model;
 use crate::options::{Options, SimulateError};
 use crate::run::{Run, RunStep};
 use crate::scenario::Scenario;
@@ -216,14 +216,12 @@ impl Summariser {
             rising: VecDeque::new(),
         });
         let forces = forces.collect();
-        let intruders = model.intruders().iter().map(|intruder| {
-            let maxima = |value: Option<f64>| {
-                let value = value.expect("this bead has an intruder");
-                [maximum(value), maximum(-value)]
-            };
+        let intruders = (0..model.intruders().len()).map(|number| {
+            let maxima = |value: f64| [maximum(value), maximum(-value)];
+            let motion = snapshot.motion_of(number);
             IntruderMaxima {
-                acceleration: maxima(snapshot.intruder_acceleration(intruder.bead)),
-                displacement: maxima(snapshot.intruder_displacement(intruder.bead)),
+                acceleration: maxima(motion.acceleration),
+                displacement: maxima(motion.displacement),
             }
         });
         let intruders = intruders.collect();
@@ -324,14 +322,15 @@ impl Summariser {
         let snapshot = run.snapshot();
         let (model, energies) = (snapshot.model(), snapshot.energies());
         let bodies = 0..model.bodies();
-        let of_intruder = |(intruder, watch): (&HostedIntruder, &IntruderMaxima)| IntruderSummary {
-            bead: intruder.bead,
+        let of_intruder = |(number, watch): (usize, &IntruderMaxima)| IntruderSummary {
+            bead: model.intruders()[number].bead,
+            place: model.place_in_host(number),
             acceleration_max: watch.acceleration[0].value,
             acceleration_min: -watch.acceleration[1].value,
             relative_displacement_max: watch.displacement[0].value.max(watch.displacement[1].value),
-            dissipated: snapshot.intruder_dissipated(intruder.bead).unwrap_or(0.0),
+            dissipated: snapshot.dissipated_by(number),
         };
-        let intruders = model.intruders().iter().zip(&self.intruders);
+        let intruders = self.intruders.iter().enumerate();
         Summary {
             peak_force: self.contact_peaks(model),
             final_state: FinalState {

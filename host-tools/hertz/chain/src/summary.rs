@@ -80,6 +80,9 @@ pub struct EnergySummary {
 pub struct IntruderSummary {
     /// The host bead.
     pub bead: usize,
+    /// Its place among the intruders of a bead that holds several, from 1, in the order of their tables.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub place: Option<usize>,
     /// Greatest absolute acceleration, m/s².
     pub acceleration_max: f64,
     /// Least absolute acceleration, m/s².

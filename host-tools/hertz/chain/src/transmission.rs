@@ -9,6 +9,7 @@ impl Scenario {
     pub fn hosts(&self) -> Vec<usize> {
         let mut hosts: Vec<usize> = self.intruders.iter().flat_map(|one| one.beads.clone()).collect();
         hosts.sort_unstable();
+        hosts.dedup();
         hosts
     }
 

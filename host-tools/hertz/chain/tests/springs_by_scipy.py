@@ -70,6 +70,7 @@ CASES = {
     "hardening": [(2, 3.7e-3, 1e5, 2e16, 12.0)],
     "softening": [(2, 3.7e-3, 3.95e5, -2e16, 12.0)],
     "both": [(1, 2e-3, 2e5, 5e16, 5.0), (2, 3.7e-3, 3.95e5, -1e16, 12.0)],
+    "several in a bead": [(1, 2e-3, 2e5, 5e16, 5.0), (2, 3.7e-3, 3.95e5, 0.0, 12.0), (2, 1.5e-3, 9e5, 0.0, 3.0)],
 }
 for name, intruders in CASES.items():
     print(name)

@@ -93,8 +93,12 @@ impl SweepOutputs {
             let dissipated = [at_end.dissipated_contacts, at_end.dissipated_intruders];
             cells.extend(of_bodies.into_iter().chain(dissipated).map(Cell::Number));
         }
-        let intruders = self.intruders.iter();
-        cells.extend(intruders.map(|bead| Cell::number(end.intruder_dissipated(*bead))));
+        let hosts = self.intruders.iter().copied();
+        cells.extend(hosts.map(|bead| {
+            let intruders = model.intruders_of(bead);
+            let dissipated: f64 = intruders.clone().map(|number| end.dissipated_by(number)).sum();
+            Cell::number(Some(dissipated).filter(|_| !intruders.is_empty()))
+        }));
         let peaks: HashMap<usize, &ContactPeak> =
             outcome.peaks().iter().map(|peak| (peak.contact, peak)).collect();
         let of_peaks = |contacts: &[usize], value: fn(&ContactPeak) -> f64| -> Vec<Cell> {

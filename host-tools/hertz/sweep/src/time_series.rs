@@ -55,14 +55,16 @@ fn all_series(model: &Model) -> Vec<SeriesColumn> {
             series(name("velocity_mps"), move |s| s.velocity(body)),
         ]);
     }
-    for bead in model.intruders().iter().map(|intruder| intruder.bead) {
-        let mut add = |quantity: &str, value: fn(&Snapshot<'_>, usize) -> Option<f64>| {
-            let name = format!("bead_{bead}_intruder_{quantity}");
-            all.push(series(name, move |s| value(s, bead).unwrap_or(f64::NAN)));
+    for (number, intruder) in model.intruders().iter().enumerate() {
+        let place = model.place_in_host(number).map(|place| format!("_{place}"));
+        let (bead, place) = (intruder.bead, place.unwrap_or_default());
+        let mut add = |quantity: &str, value: fn(&Snapshot<'_>, usize) -> f64| {
+            let name = format!("bead_{bead}_intruder{place}_{quantity}");
+            all.push(series(name, move |s| value(s, number)));
         };
-        add("displacement_m", |s, bead| s.intruder_displacement(bead));
-        add("acceleration_mps2", |s, bead| s.intruder_acceleration(bead));
-        add("dissipated_j", |s, bead| s.intruder_dissipated(bead));
+        add("displacement_m", |s, number| s.motion_of(number).displacement);
+        add("acceleration_mps2", |s, number| s.motion_of(number).acceleration);
+        add("dissipated_j", |s, number| s.dissipated_by(number));
     }
     if model.is_driven() {
         all.push(series("drive_work_j", |s| s.energies().supplied));

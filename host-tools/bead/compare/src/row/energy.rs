@@ -120,10 +120,12 @@ impl EnergyAlong {
         let end = chain.solution.at(chain.scenario.duration);
         let taken = |host: &usize| {
             let member = row.members.iter().position(|member| member.bead == *host);
+            let intruders = chain.solution.model().intruders_of(*host);
+            let dissipated: f64 = intruders.map(|number| end.dissipated_by(number)).sum();
             Taken {
                 bead: *host,
                 measured: member.and_then(|place| share(row, first, place, came)),
-                f64_chain: end.intruder_dissipated(*host).unwrap_or(0.0) / simulated,
+                f64_chain: dissipated / simulated,
             }
         };
         let taken: Vec<Taken> = chain.hosts.iter().map(taken).collect();

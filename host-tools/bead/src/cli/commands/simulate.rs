@@ -178,7 +178,10 @@ fn table(title: &str, report: &SimulateReport) -> String {
     if !summary.intruders.is_empty() {
         let intruders = summary.intruders.iter().map(|intruder| {
             [
-                intruder.bead.to_string(),
+                match intruder.place {
+                    None => intruder.bead.to_string(),
+                    Some(place) => format!("{} ({place})", intruder.bead),
+                },
                 format!("{:.2}", intruder.acceleration_max),
                 format!("{:.2}", intruder.acceleration_min),
                 format!("{:.3}", intruder.relative_displacement_max * 1e6),

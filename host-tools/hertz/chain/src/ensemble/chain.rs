@@ -1,5 +1,7 @@
 //! Constants of the chains of a group: eight chains of one shape, each in a lane.
 
+use std::ops::Range;
+
 use super::eight::{Eight, LANES};
 use crate::model::Model;
 
@@ -27,8 +29,10 @@ impl ChainShape {
         self.bodies + usize::from(self.walled)
     }
 
-    pub(super) fn guest(&self, body: usize) -> Option<usize> {
-        self.hosts.binary_search(&body).ok()
+    /// The intruders of a body.
+    pub(super) fn guests(&self, body: usize) -> Range<usize> {
+        let before = |body: usize| self.hosts.partition_point(|&host| host < body);
+        before(body)..before(body + 1)
     }
 }
 

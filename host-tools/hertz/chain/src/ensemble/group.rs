@@ -390,6 +390,11 @@ impl Group<'_> {
             let pushed = self.rates[host][STAGE].load(simd);
             let rate = pull.times_plus(constants.inverse[host].load(simd), pushed);
             self.rates[host][STAGE] = rate.store();
+        }
+        // A host may have several: their pulls are all in its rate by now.
+        for &guest in &self.guests {
+            let rate = self.rates[self.shape.hosts[guest]][STAGE].load(simd);
+            let pull = self.pulls[guest].load(simd);
             let pulled = pull * constants.guest_inverse[guest].load(simd);
             self.guest_rates[guest][STAGE] = (all(simd, 0.0) - pulled - rate).store();
         }
@@ -470,7 +475,7 @@ impl Group<'_> {
             self.next.u[body].0[lane] += shift * part;
             self.next.v[body].0[lane] += kick * part;
             self.errors[body].0[lane] -= error * part;
-            if let Some(guest) = self.shape.guest(body) {
+            for guest in self.shape.guests(body) {
                 self.next.x[guest].0[lane] -= shift * part;
                 self.next.w[guest].0[lane] -= kick * part;
                 self.guest_errors[guest].0[lane] += error * part;

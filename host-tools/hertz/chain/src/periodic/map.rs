@@ -33,6 +33,10 @@ fn check(scenario: &Scenario) -> Result<(), InputError> {
         let advice = format!("give at most {MOST_BODIES} of both together");
         return Err(InputError::at("chain.beads", what, advice));
     }
+    if scenario.holds_several() {
+        let what = "motions that repeat are found for beads that hold one intruder each";
+        return Err(InputError::at("intruder", what, "give each bead one at most"));
+    }
     let pushed = scenario.drive.as_ref().map(|drive| drive.quantity) == Some(DriveQuantity::Force);
     if pushed && scenario.wall.is_none() {
         let what = "a chain that nothing holds in its place drifts, and its motion does not repeat";

@@ -299,13 +299,28 @@ impl Scenario {
         Ok(())
     }
 
+    /// Returns `true` if a bead holds several intruders.
+    pub fn holds_several(&self) -> bool {
+        let mut beads: Vec<usize> = self
+            .intruders
+            .iter()
+            .flat_map(|one| one.beads.iter().copied())
+            .collect();
+        beads.sort_unstable();
+        beads.windows(2).any(|pair| pair[0] == pair[1])
+    }
+
     fn check_intruders(&self) -> Result<(), InputError> {
         let mut owners = vec![None; self.chain.beads];
+        let mut held = vec![0.0; self.chain.beads];
         let spheres = self.spheres();
         for (index, intruder) in self.intruders.iter().enumerate() {
             let at = TableCheck::of(format!("intruder[{}].", index + 1));
-            let other = ("already holds intruder", "give each bead one intruder at most");
-            at.check_beads(&intruder.beads, (index, &mut owners), other)?;
+            at.need_beads(&intruder.beads, owners.len())?;
+            for &bead in &intruder.beads {
+                // A bead may hold intruders of several tables.
+                at.claim("beads", bead, index, &mut owners)?;
+            }
             intruder.check(&at)?;
             if intruder.cubic_stiffness != 0.0 && self.chain.gravity > 0.0 {
                 let what =
@@ -315,8 +330,15 @@ impl Scenario {
             }
             for &bead in &intruder.beads {
                 let (mass, host) = (intruder.mass, spheres[bead - 1].mass());
-                if mass >= host {
-                    let what = format!("{mass} kg is as heavy as its host, bead {bead} of {host:.3e} kg");
+                held[bead - 1] += mass;
+                if held[bead - 1] >= host {
+                    let with = if held[bead - 1] > mass {
+                        ", with the intruders before it,"
+                    } else {
+                        ""
+                    };
+                    let what =
+                        format!("{mass} kg{with} is as heavy as its host, bead {bead} of {host:.3e} kg");
                     let advice = "give less: the intruder's mass is part of the bead's";
                     return Err(at.error("mass", what, advice));
                 }
@@ -386,16 +408,21 @@ impl TableCheck {
         (index, owners): (usize, &mut [Option<usize>]),
         (belongs, advice): (&str, &str),
     ) -> Result<(), InputError> {
-        if beads.is_empty() {
-            let count = owners.len();
-            let advice = format!("name at least one from 1 to {count}, or leave the table out");
-            return Err(self.error("beads", "names no bead".to_owned(), advice));
-        }
+        self.need_beads(beads, owners.len())?;
         for &bead in beads {
             if let Some(other) = self.claim("beads", bead, index, owners)? {
                 let what = format!("bead {bead} {belongs}[{}]", other + 1);
                 return Err(self.error("beads", what, advice));
             }
+        }
+        Ok(())
+    }
+
+    /// Refuses a table that names none of the `count` beads.
+    fn need_beads(&self, beads: &[usize], count: usize) -> Result<(), InputError> {
+        if beads.is_empty() {
+            let advice = format!("name at least one from 1 to {count}, or leave the table out");
+            return Err(self.error("beads", "names no bead".to_owned(), advice));
         }
         Ok(())
     }

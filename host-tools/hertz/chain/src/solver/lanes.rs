@@ -120,10 +120,11 @@ pub(super) struct Guests {
 }
 
 impl Guests {
-    /// Intruder of the body at a lane.
-    pub(super) fn of(&self, lane: usize) -> Option<usize> {
-        let range = self.of_block.get((lane / BLOCK).wrapping_sub(1))?.clone();
-        range.clone().find(|&guest| self.hosts[guest] == lane)
+    /// Intruders of the body at a lane.
+    pub(super) fn of(&self, lane: usize) -> impl Iterator<Item = usize> + '_ {
+        let range = self.of_block.get((lane / BLOCK).wrapping_sub(1));
+        let range = range.cloned().unwrap_or_default();
+        range.filter(move |&guest| self.hosts[guest] == lane)
     }
 
     #[inline(always)]

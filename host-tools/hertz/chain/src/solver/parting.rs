@@ -157,7 +157,7 @@ impl Calm {
             if lanes.inverse[lane] > 0.0 {
                 energy += 0.5 * v[lane] * v[lane] / lanes.inverse[lane];
             }
-            if let Some(guest) = lanes.guests.of(lane) {
+            for guest in lanes.guests.of(lane) {
                 let (seat, at) = (lanes.guests.seat(guest), lanes.guests.lane(guest));
                 let speed = v[lane] + v[at];
                 energy += 0.5 * speed * speed / lanes.guests.inverse[seat];

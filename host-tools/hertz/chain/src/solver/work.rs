@@ -335,7 +335,7 @@ impl Work {
             for (rate, force) in rates.iter_mut().step_by(BLOCK).zip(forces) {
                 *rate += force * inverse;
             }
-            if let Some(guest) = lanes.guests.of(body) {
+            for guest in lanes.guests.of(body) {
                 let rates = &mut self.rates[place(lanes.guests.lane(guest), from)..];
                 for (rate, force) in rates.iter_mut().step_by(BLOCK).zip(forces) {
                     *rate -= force * inverse;
@@ -447,7 +447,7 @@ pub(super) fn give(lanes: &Lanes, motion: &mut Motion, lane: usize, (shift, kick
         let part = sign * lanes.inverse[body];
         motion.u[body] += shift * part;
         motion.v[body] += kick * part;
-        if let Some(guest) = lanes.guests.of(body) {
+        for guest in lanes.guests.of(body) {
             let lane = lanes.guests.lane(guest);
             motion.u[lane] -= shift * part;
             motion.v[lane] -= kick * part;
@@ -459,7 +459,7 @@ pub(super) fn give(lanes: &Lanes, motion: &mut Motion, lane: usize, (shift, kick
 pub(super) fn clear(lanes: &Lanes, motion: &mut Motion, lane: usize) {
     for body in [lane - 1, lane] {
         (motion.u[body], motion.v[body]) = (0.0, 0.0);
-        if let Some(guest) = lanes.guests.of(body) {
+        for guest in lanes.guests.of(body) {
             let lane = lanes.guests.lane(guest);
             (motion.u[lane], motion.v[lane]) = (0.0, 0.0);
         }
@@ -486,13 +486,13 @@ fn bend(lanes: &Lanes, lane: usize, motion: &Motion, driven: f64) -> Ends {
     let (u, v) = (&motion.u[..], &motion.v[..]);
     let force = |lane: usize| force(lanes, lane, motion);
     let rate = |body: usize| {
-        let pull = lanes.guests.of(body).map_or(0.0, |guest| {
-            let guests = &lanes.guests;
+        let guests = &lanes.guests;
+        let pulls = guests.of(body).map(|guest| {
             let (seat, lane) = (guests.seat(guest), guests.lane(guest));
             let stiffness = guests.stiffness[seat] + guests.cubic(seat) * u[lane] * u[lane];
             stiffness * u[lane] + guests.damping[seat] * v[lane]
         });
-        (force(body) - force(body + 1) + pull) * lanes.inverse[body]
+        (force(body) - force(body + 1) + pulls.sum::<f64>()) * lanes.inverse[body]
     };
     let mut acceleration = rate(lane - 1) - rate(lane);
     if lane == FIRST_CONTACT && lanes.drive.is_some() {

@@ -210,6 +210,10 @@ impl<const P: usize> DualChain<P> {
                 "leave it out: contacts may then pull a little while they open",
             ));
         }
+        if scenario.holds_several() {
+            let what = "beads that hold several intruders have no tangents";
+            return Err(InputError::at("intruder", what, "give each bead one at most"));
+        }
         if model.contact_at(1).powers.is_some() {
             let what = "contacts of another law than Hertz' have no tangents";
             return Err(InputError::at("contact", what, "leave it out"));

@@ -162,7 +162,8 @@ fn of_every_kind() -> Vec<Scenario> {
         scenario.sections = vec![small];
     });
     change(&mut |scenario, draw| {
-        scenario.intruders.push(softer([1, 9, 16]));
+        // Bead 8 holds two then.
+        scenario.intruders.push(softer([1, 8, 9, 16]));
         scenario.intruders[1].damping = draw.between(0.0, 5.0);
     });
     change(&mut |scenario, draw| {

@@ -89,7 +89,7 @@ mass = 3.7e-3 => mass = 0.051 => 19: intruder[1].mass: 0.051 kg is as heavy as i
 [8] => [8, 1000000000000] => 18: intruder[1].beads: bead 1000000000000 is not in the chain
 [8] => [] => 18: intruder[1].beads: names no bead; name at least one from 1 to 16, or leave the table out
 [8] => [8, 9, 8] => 18: intruder[1].beads: bead 8 is named twice; name each bead once
-+ => [[intruder]]\nbeads = [7, 8]\nmass = 1e-3\nstiffness = 1e5\ndamping = 1 => 23: intruder[2].beads: bead 8 already holds intruder[1]; give
++ => [[intruder]]\nbeads = [7, 8]\nmass = 0.05\nstiffness = 1e5\ndamping = 1 => 24: intruder[2].mass: 0.05 kg, with the intruders before it, is as heavy as its host, bead 8
 + => [[section]]\nbeads = 3\nradius = 0.01\n[[section]]\nbeads = [4, 3] => 26: section[2].beads: bead 3 is already in section[1]; put
 + => [[section]]\nbeads = [3, 4]\nradius = -0.01 => 24: section[1].radius: -0.01 is not a positive number
 

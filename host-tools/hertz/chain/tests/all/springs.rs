@@ -131,7 +131,7 @@ impl SpringCase {
 
 /// Printed by `python tests/springs_by_scipy.py` (SciPy 1.17.1): DOP853 at a relative tolerance of 1e-13, in
 /// steps of up to 0.1 µs. Half as long steps change the velocities by up to 2e-11 of the striker's.
-const CASES: [SpringCase; 3] = [
+const CASES: [SpringCase; 4] = [
     SpringCase {
         name: "hardening",
         intruders: &[(2, 3.7e-3, 1e5, 2e16, 12.0)],
@@ -156,6 +156,30 @@ const CASES: [SpringCase; 3] = [
         velocities: &[-0.39779484771250395, 0.0012402765835146938, 0.05038958560970177],
         lost: &[2.746588718944504e-06, 1.1131931928238762e-06],
     },
+    SpringCase {
+        name: "several in a bead",
+        intruders: &[
+            (1, 2e-3, 2e5, 5e16, 5.0),
+            (2, 3.7e-3, 3.95e5, 0.0, 12.0),
+            (2, 1.5e-3, 9e5, 0.0, 3.0),
+        ],
+        places: &[
+            -6.37200500942464e-07,
+            -5.597480048508412e-07,
+            -2.7840142877574522e-08,
+        ],
+        speeds: &[
+            -0.010278571506752068,
+            -0.005709000542823861,
+            -0.00027540459478528345,
+        ],
+        velocities: &[-0.39779483255786185, 0.0011858262318698467, 0.0502770546251095],
+        lost: &[
+            2.7417862625811045e-06,
+            1.0046908973862676e-06,
+            5.552684421390595e-09,
+        ],
+    },
 ];
 
 #[test]
@@ -169,12 +193,9 @@ fn struck_intruders_on_cubic_springs_move_as_an_independent_program_says() {
         for (number, &(bead, ..)) in case.intruders.iter().enumerate() {
             println!("{}, bead {bead}", case.name);
             // Strokes are of the order of 1 µm.
-            close(
-                end.intruder_displacement(bead).unwrap(),
-                case.places[number],
-                3e-10 * 1e-6,
-            );
-            close(end.intruder_velocity(bead).unwrap(), case.speeds[number], 1e-10);
+            let motion = end.motion_of(number);
+            close(motion.displacement, case.places[number], 3e-10 * 1e-6);
+            close(motion.velocity, case.speeds[number], 1e-10);
             let lost = case.lost[number];
             close(summary.intruders[number].dissipated, lost, 1e-10 * lost);
         }
