@@ -23,8 +23,8 @@ const SUPPLY: [f64; 2] = [1.8, 3.6];
 const LIGHTEST: f64 = 64.0;
 /// Range of a tolerance. A smaller one loses more than 1 % in its format.
 const TOLERANCE: [f64; 2] = [1e-3, 1e4];
-/// Range of the intruder's stiffness, N/m. With a softer spring it swings once in minutes, and coefficients of its
-/// ring-down leave their formats.
+/// Range of the intruder's stiffness, N/m. With a softer spring it swings once in minutes, and coefficients
+/// of its ring-down leave their formats.
 const STIFFNESS: [f64; 2] = [1e-6, 1e15];
 
 /// All settings of a bead, SI units.

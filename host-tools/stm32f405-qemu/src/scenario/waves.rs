@@ -72,8 +72,8 @@ fn unreadable(path: &Path, error: impl std::fmt::Display) -> String {
     format!("cannot read {}: {error}", path.display())
 }
 
-/// Places of the columns of a table that has these names: that of the values, and that of the times in seconds,
-/// `t`, if there is one.
+/// Places of the columns of a table that has these names: that of the values, and that of the times in
+/// seconds, `t`, if there is one.
 fn columns(names: &[&str], column: Option<&str>) -> Result<(usize, Option<usize>), String> {
     let place = |wanted: &str| names.iter().position(|name| *name == wanted);
     let listed = || names.join(", ");
