@@ -190,17 +190,18 @@ impl<'a> Snapshot<'a> {
     /// # Panics
     /// The chain has no such intruder.
     pub fn motion_of(&self, intruder: usize) -> IntruderMotion {
+        self.known(intruder);
         let layout = self.model.layout();
         let (x, rate) = (
             self.state[layout.relative(intruder)],
             self.state[layout.relative_velocity(intruder)],
         );
-        IntruderMotion::of(&self.model, intruder, (x, rate))
+        IntruderMotion::of(self.model, intruder, (x, rate))
     }
 
     /// Energy that an intruder has dissipated, ∫ c x'² dt, J. Panics as [`Snapshot::motion_of`].
     pub fn dissipated_by(&self, intruder: usize) -> f64 {
-        self.model.intruders()[intruder];
+        self.known(intruder);
         self.state[self.model.layout().intruder_loss(intruder)]
     }
 
@@ -265,6 +266,14 @@ impl<'a> Snapshot<'a> {
         let starts = self.model.starts.iter().enumerate().skip(contact);
         let before: f64 = starts.map(|(body, start)| self.model.mass(body) * start.1).sum();
         self.model.momentum_from(&self.state, contact) + self.wall_impulse() - before
+    }
+
+    fn known(&self, intruder: usize) {
+        let count = self.model.intruders().len();
+        assert!(
+            intruder < count,
+            "intruder {intruder} is not one of the {count} of this chain"
+        );
     }
 
     fn body(&self, body: usize) {
