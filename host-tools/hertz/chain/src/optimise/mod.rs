@@ -27,6 +27,7 @@ mod problem;
 mod remaining;
 mod search;
 mod spread;
+mod variables;
 
 pub use error::OptimiseError;
 pub use find::{Optimum, Robustness, optimise};
