@@ -19,16 +19,20 @@
 //! A robust design is one whose worst value over the corners of a [`Spread`] is least. Its search begins at
 //! the optimum without the spread, too, and does not end above the worst value of that unless it is stopped.
 
+mod catalogue;
 mod descent;
 mod error;
 mod find;
+mod hosts;
 mod objective;
 mod problem;
 mod remaining;
 mod search;
 mod spread;
+mod springs;
 mod variables;
 
+pub use catalogue::{Catalogue, CatalogueSpring};
 pub use error::OptimiseError;
 pub use find::{Optimum, Robustness, optimise};
 pub use objective::Objective;
@@ -36,3 +40,4 @@ pub use problem::{SearchObserver, SearchProgress};
 pub use remaining::{Remaining, remaining};
 pub use search::{Aim, Search};
 pub use spread::Spread;
+pub use springs::SpringChoice;
