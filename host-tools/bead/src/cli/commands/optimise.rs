@@ -231,7 +231,7 @@ impl SearchReport {
             ));
         }
         if let Some(robustness) = &optimum.robustness {
-            parts.push(of_spread(robustness, optimum.share));
+            parts.push(of_spread(robustness, optimum.share, &optimum.strokes));
         }
         parts.push(remarks(optimum).join("\n"));
         parts.join("\n\n")
@@ -305,7 +305,7 @@ impl SearchReport {
 }
 
 /// The robust design beside the optimum for exact springs and dampers.
-fn of_spread(robustness: &Robustness, share: f64) -> String {
+fn of_spread(robustness: &Robustness, share: f64, strokes: &[f64]) -> String {
     let row = |name: &str, share: f64, worst: f64, [stiffness, damping]: [f64; 2]| {
         let place = format!("{stiffness:.2} k, {damping:.2} c");
         [name.to_owned(), percent(share), percent(worst), place]
@@ -321,11 +321,14 @@ fn of_spread(robustness: &Robustness, share: f64) -> String {
     ];
     let table = output::table("intruders | nominal (%) | worst (%) | at", rows);
     let points = |one: f64, other: f64| 100.0 * (one - other);
+    let longest = |strokes: &[f64]| 1e6 * strokes.iter().copied().fold(0.0, f64::max);
     format!(
-        "Under {}, the same for all intruders:\n\n{table}\n\nRobustness costs {:.3} points at the nominal values and gains {:.3} at the worst.",
+        "Under {}, the same for all intruders:\n\n{table}\n\nRobustness costs {:.3} points at the nominal values and gains {:.3} at the worst. The longest stroke is {:.3} µm, and {:.3} µm of those that are best if nothing deviates.",
         robustness.spread,
         points(share, robustness.plain_share),
         points(robustness.plain_worst, robustness.worst),
+        longest(strokes),
+        longest(&robustness.plain_strokes),
     )
 }
 

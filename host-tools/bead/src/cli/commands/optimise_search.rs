@@ -63,8 +63,8 @@ Examples:
 pub(crate) struct Arguments {
     /// The scenario, a TOML file in SI units. Its intruders are only compared with.
     pub(super) scenario: PathBuf,
-    /// The beads that hold an intruder each, or may hold one (--hosts-at-most), such as 7-16 or 7,9,12-14; all:
-    /// those of the scenario that do.
+    /// The beads that hold an intruder each, or may hold one (--hosts-at-most), such as 7-16 or 7,9,12-14;
+    /// all: those of the scenario that do.
     #[arg(long, value_name = "BEADS")]
     pub(super) bead: BeadNumbers,
     /// Greatest mass of all intruders together, kg; several for a front, the best at each.

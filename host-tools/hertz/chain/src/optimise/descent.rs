@@ -29,7 +29,7 @@ enum Aspect {
 
 impl Problem<'_> {
     /// Improves a design until no design near it is better, or until `most` evaluations have been made.
-    /// Intruders stay alike if the design has one entry. `bounds` has one entry for each of the design, or one
+    /// Intruders stay alike if the design has one entry. `bounds` has an entry for each of the design, or one
     /// for all.
     pub(super) fn descend(
         &self,

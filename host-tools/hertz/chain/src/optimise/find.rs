@@ -78,6 +78,10 @@ pub struct Robustness {
     pub plain_worst: f64,
     /// Factors of stiffness and damping at which they are worst.
     pub plain_worst_at: [f64; 2],
+    /// Greatest displacement |x| of each at the corners, m. They keep a limit if nothing deviates, and may
+    /// break it here.
+    #[serde(rename = "plain_strokes_m")]
+    pub plain_strokes: Vec<f64>,
 }
 
 impl Optimum {
@@ -147,7 +151,7 @@ fn in_all_hosts(
         // The search was stopped, or spent its evaluations, before it came as far as where it began.
         (worst, worst_at) = (plain_worst, plain_worst_at);
         robust = Optimum {
-            strokes: plain_strokes,
+            strokes: plain_strokes.clone(),
             share_searched: plain_worst,
             share_alike: robust.share_alike,
             evaluations: robust.evaluations,
@@ -166,6 +170,7 @@ fn in_all_hosts(
         plain_share: plain.share,
         plain_worst,
         plain_worst_at,
+        plain_strokes,
     });
     Ok(robust)
 }

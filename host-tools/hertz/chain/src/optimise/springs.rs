@@ -4,8 +4,8 @@
 //!
 //! The springs nearest to the optimum with free stiffnesses are exchanged, one host at a time for one of the
 //! two next softer or stiffer, and at neighbouring hosts both for the next. After each exchange, masses and
-//! dampings are improved again, as far as the catalogue leaves them free. The choice is final when no exchange
-//! gains.
+//! dampings are improved again, as far as the catalogue leaves them free. The choice is final when no
+//! exchange gains.
 
 use std::collections::HashSet;
 

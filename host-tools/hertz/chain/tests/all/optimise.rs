@@ -507,6 +507,11 @@ fn a_limit_on_strokes_is_kept_and_binds_where_the_free_optimum_is_beyond_it() {
     };
     let greatest = |optimum: &Optimum| optimum.strokes.iter().copied().fold(0.0, f64::max);
     close(longest(&free), greatest(&free), 1e-8 * greatest(&free));
+    let mut plain = free.clone();
+    let robustness = free.robustness.as_ref().expect("a spread was stated");
+    plain.intruders.clone_from(&robustness.plain);
+    let plain_strokes = robustness.plain_strokes.iter().copied().fold(0.0, f64::max);
+    close(longest(&plain), plain_strokes, 1e-8 * plain_strokes);
     search.stroke = Some(0.5 * greatest(&free));
     let short = best(&search);
     assert!(short.settled);
