@@ -1,6 +1,8 @@
 //! Searches for the best intruders.
 
-use hertz_chain::{Aim, Objective, OptimiseError, Search, SearchProgress, optimise as search_for};
+use std::path::PathBuf;
+
+use hertz_chain::{Aim, Catalogue, Objective, OptimiseError, Search, SearchProgress, optimise as search_for};
 use pyo3::prelude::*;
 
 use crate::callback::Callback;
@@ -11,7 +13,7 @@ use crate::scenario::Scenario;
 /// number of designs tried, the least share so far or None, and the number of descents; the search ends if it
 /// returns False.
 #[pyfunction]
-#[pyo3(signature = (scenario, hosts, total_mass, objective, loss_factor, spread, speeds, worst, alike, evaluations, callback))]
+#[pyo3(signature = (scenario, hosts, total_mass, objective, loss_factor, stroke, catalogue, hosts_at_most, spread, speeds, worst, alike, evaluations, callback))]
 #[expect(
     clippy::too_many_arguments,
     reason = "the Python function in front of it names them"
@@ -23,6 +25,9 @@ pub(crate) fn optimise(
     total_mass: f64,
     objective: &str,
     loss_factor: Option<f64>,
+    stroke: Option<f64>,
+    catalogue: Option<PathBuf>,
+    hosts_at_most: Option<usize>,
     spread: Option<&str>,
     speeds: Vec<f64>,
     worst: bool,
@@ -34,6 +39,10 @@ pub(crate) fn optimise(
     let mut search = Search::new(&scenario.0, hosts, total_mass).map_err(refused)?;
     search.objective = objective.parse::<Objective>().map_err(ScenarioError::new_err)?;
     search.loss_factor = loss_factor;
+    search.stroke = stroke;
+    let catalogue = catalogue.map(Catalogue::load).transpose();
+    search.catalogue = catalogue.map_err(|error| ScenarioError::new_err(error.to_string()))?;
+    search.hosts_at_most = hosts_at_most;
     if let Some(spread) = spread {
         search.spread = spread.parse().map_err(ScenarioError::new_err::<String>)?;
     }

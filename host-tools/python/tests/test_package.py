@@ -264,6 +264,14 @@ class Inputs(unittest.TestCase):
     def test_a_callback_ends_a_search_and_its_exception_comes_through(self):
         found = hc.optimise(hc.Scenario.paper(), [8], 5e-3, callback=lambda designs, best, descents: designs < 100)
         self.assertTrue(found.report["stopped"] and 0.0 < found.share < 1.0)
+        free = found.report["strokes_m"][0]
+        found = hc.optimise(hc.Scenario.paper(), [8], 5e-3, stroke=0.5 * free, evaluations=1000)
+        self.assertTrue(0.25 * free < found.report["strokes_m"][0] <= 0.5 * free)
+        springs = REPOSITORY / "docs/scenarios/springs.toml"
+        found = hc.optimise(hc.Scenario.paper(), [7, 8], 5e-3, catalogue=springs, hosts_at_most=1, evaluations=1000)
+        (spring,) = found.report["springs"]["springs"]
+        (intruder,) = found.scenario.to_dict()["intruder"]
+        self.assertEqual(spring["stiffness"], intruder["stiffness"])
 
         def fails(*_):
             raise ZeroDivisionError("mine")

@@ -98,6 +98,7 @@ fn fixture(folder: &Path) {
         ("s.toml", "docs/scenarios/paper-strike.toml"),
         ("ten.toml", "docs/scenarios/ten-intruders.toml"),
         ("faults.toml", "docs/scenarios/faults.toml"),
+        ("springs.toml", "docs/scenarios/springs.toml"),
         ("trimer.toml", "docs/scenarios/driven-trimer.toml"),
         ("bead.settings", "tests/data/settings-v1.bin"),
         ("future.bin", "tests/data/frame-of-the-future.bin"),

@@ -47,6 +47,7 @@ fn folder() -> TestFolder {
         ("trimer.toml", "docs/scenarios/driven-trimer.toml"),
         ("ten.toml", "docs/scenarios/ten-intruders.toml"),
         ("sweep.toml", "docs/scenarios/stiffness-and-speed.toml"),
+        ("springs.toml", "docs/scenarios/springs.toml"),
         ("x.mcap", "tests/data/recording-v1.mcap"),
         ("bead.settings", "tests/data/settings-v1.bin"),
     ] {
@@ -148,6 +149,11 @@ fn results_of_simulations_hold_their_schemas() {
     }
     let search = "optimise short.toml --bead 7,8 --total-mass 0.01 --evaluations 400";
     hold(&folder, "optimise", search);
+    let chosen = search.replace(
+        "7,8",
+        "7,8,9 --hosts-at-most 2 --catalogue springs.toml --stroke 1e-4",
+    );
+    hold(&folder, "optimise", &chosen);
     hold(&folder, "optimise-front", &search.replace("0.01", "0.005,0.01"));
 }
 

@@ -148,6 +148,9 @@ def optimise(
     *,
     objective: str = "remaining",
     loss_factor: float | None = None,
+    stroke: float | None = None,
+    catalogue: str | os.PathLike[str] | None = None,
+    hosts_at_most: int | None = None,
     spread: str | None = None,
     speeds: Sequence[float] = (),
     worst: bool = False,
@@ -159,18 +162,23 @@ def optimise(
 
     Args:
         scenario: the chain and its strike. Its own intruders are left out.
-        hosts: the beads that may hold an intruder each.
+        hosts: the beads that hold an intruder each, or may hold one (`hosts_at_most`).
         total_mass: greatest sum of their masses, kg.
         objective: what is made small: `remaining` (the share of the injected energy that the intruders have not
             dissipated), `force:13` (greatest force of contact 13), `energy-behind:13` (energy of the beads behind
             bead 13 at the end), `impulse:13` (impulse of contact 13).
         loss_factor: c / √(k m) of all intruders, in place of a free damping.
+        stroke: greatest displacement of an intruder in its bead, m, at every speed and corner of the spread.
+            `report["strokes_m"]` has that of each.
+        catalogue: a TOML file of springs (docs/optimise.md), of which each intruder gets one. `report["springs"]` has
+            them, and the optimum with free stiffnesses.
+        hosts_at_most: most of the hosts that hold an intruder; the search chooses them.
         spread: deviations common to all intruders that the design is to bear, such as `stiffness:15%,damping:30%`; the
             worst of their corners counts. `report["robustness"]` has the optimum without them beside it.
         speeds: speeds of the striker, m/s; the scenario's own by default.
         worst: of several speeds the greatest value counts, and not the mean.
         alike: all intruders are alike.
-        evaluations: most designs to try.
+        evaluations: most designs to try; as many again for a spread, a catalogue and a choice of hosts.
         callback: is called often with the designs tried, the least share so far and the descents begun. If it returns
             False, the search ends with the best design so far.
 
@@ -184,6 +192,9 @@ def optimise(
         total_mass,
         objective,
         loss_factor,
+        stroke,
+        None if catalogue is None else os.fspath(catalogue),
+        hosts_at_most,
         spread,
         list(speeds),
         worst,

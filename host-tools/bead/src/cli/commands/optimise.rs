@@ -26,6 +26,10 @@ pub(crate) struct SearchReport {
     damping_n_s_per_m: Limits,
     /// Of all intruders, where it ties the damping to mass and stiffness.
     loss_factor: Option<f64>,
+    /// Greatest displacement of an intruder in its bead that is allowed, m.
+    stroke_m: Option<f64>,
+    /// Most of the beads that hold an intruder, if not all do.
+    hosts_at_most: Option<usize>,
     aim: Aim,
     optimum: Optimum,
     compared: Vec<OtherIntruders>,
@@ -74,6 +78,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         stiffness_n_per_m: search.stiffness,
         damping_n_s_per_m: search.damping,
         loss_factor: search.loss_factor,
+        stroke_m: search.stroke,
+        hosts_at_most: search.hosts_at_most,
         aim: search.aim,
         optimum,
         compared,
@@ -161,9 +167,12 @@ impl SearchReport {
             Some(factor) => format!("c/√(k m) {factor}"),
             None => format!("c {} N·s/m", range(self.damping_n_s_per_m, 1.0)),
         };
+        let stroke = self.stroke_m.map_or(String::new(), |stroke| {
+            format!("; stroke up to {:.3} µm", stroke * 1e6)
+        });
         let mut parts = Vec::from_iter(Some(title.to_owned()).filter(|title| !title.is_empty()));
         parts.push(format!(
-            "Searched: m {} g, {} g together; k {} kN/m; {damping}. * is at such a bound.",
+            "Searched: m {} g, {} g together; k {} kN/m; {damping}{stroke}. * is at such a bound.",
             range(self.mass_kg, 1e-3),
             self.total_mass_kg * 1e3,
             range(self.stiffness_n_per_m, 1e3),
@@ -213,8 +222,16 @@ impl SearchReport {
             &format!("intruders | together (g) | {remains}"),
             others.chain(best),
         ));
+        if let Some(springs) = &optimum.springs {
+            parts.push(format!(
+                "Springs that can have any stiffness leave {:.3} %, those of the catalogue {:.3} points more ({} choices tried).",
+                100.0 * springs.free_share,
+                100.0 * (optimum.share_searched - springs.free_share),
+                springs.tried,
+            ));
+        }
         if let Some(robustness) = &optimum.robustness {
-            parts.push(of_spread(robustness, optimum.share));
+            parts.push(of_spread(robustness, optimum.share, &optimum.strokes));
         }
         parts.push(remarks(optimum).join("\n"));
         parts.join("\n\n")
@@ -261,24 +278,34 @@ impl SearchReport {
                 let (mass, stiffness, damping) = (intruder.mass, intruder.stiffness, intruder.damping);
                 let of_injected = strikes.iter().map(|strike| strike.intruders[index].of_injected);
                 [
-                    self.beads[index].to_string(),
+                    intruder.beads.iter().map(usize::to_string).collect(),
                     figure(mass, 1e-3, self.mass_kg),
                     figure(stiffness, 1e3, self.stiffness_n_per_m),
                     figure(damping, 1.0, dampings),
                     format!("{:.0}", (stiffness / mass).sqrt() / std::f64::consts::TAU),
                     format!("{:.3}", damping / (2.0 * (stiffness * mass).sqrt())),
+                    figure(
+                        self.optimum.strokes[index],
+                        1e-6,
+                        [0.0, self.stroke_m.unwrap_or(f64::INFINITY)],
+                    ),
                     percent(of_injected.sum::<f64>() / strikes.len() as f64),
                 ]
             });
-        output::table(
-            "bead | m (g) | k (kN/m) | c (N·s/m) | f0 (Hz) | ζ | absorbed (%)",
-            rows,
-        )
+        let columns = "m (g) | k (kN/m) | c (N·s/m) | f0 (Hz) | ζ | stroke (µm) | absorbed (%)";
+        let Some(choice) = &self.optimum.springs else {
+            return output::table(&format!("bead | {columns}"), rows);
+        };
+        let named = rows.zip(&choice.springs).map(|(row, spring)| {
+            let [bead, properties @ ..] = row;
+            [bead, spring.name.clone()].into_iter().chain(properties)
+        });
+        output::table(&format!("bead | spring | {columns}"), named)
     }
 }
 
 /// The robust design beside the optimum for exact springs and dampers.
-fn of_spread(robustness: &Robustness, share: f64) -> String {
+fn of_spread(robustness: &Robustness, share: f64, strokes: &[f64]) -> String {
     let row = |name: &str, share: f64, worst: f64, [stiffness, damping]: [f64; 2]| {
         let place = format!("{stiffness:.2} k, {damping:.2} c");
         [name.to_owned(), percent(share), percent(worst), place]
@@ -294,11 +321,14 @@ fn of_spread(robustness: &Robustness, share: f64) -> String {
     ];
     let table = output::table("intruders | nominal (%) | worst (%) | at", rows);
     let points = |one: f64, other: f64| 100.0 * (one - other);
+    let longest = |strokes: &[f64]| 1e6 * strokes.iter().copied().fold(0.0, f64::max);
     format!(
-        "Under {}, the same for all intruders:\n\n{table}\n\nRobustness costs {:.3} points at the nominal values and gains {:.3} at the worst.",
+        "Under {}, the same for all intruders:\n\n{table}\n\nRobustness costs {:.3} points at the nominal values and gains {:.3} at the worst. The longest stroke is {:.3} µm, and {:.3} µm of those that are best if nothing deviates.",
         robustness.spread,
         points(share, robustness.plain_share),
         points(robustness.plain_worst, robustness.worst),
+        longest(strokes),
+        longest(&robustness.plain_strokes),
     )
 }
 

@@ -14,6 +14,10 @@ pub(crate) struct FrontReport {
     objective: Objective,
     /// Of all intruders, where it ties the damping to mass and stiffness.
     loss_factor: Option<f64>,
+    /// Greatest displacement of an intruder in its bead that is allowed, m.
+    stroke_m: Option<f64>,
+    /// Most of the beads that hold an intruder, if not all do.
+    hosts_at_most: Option<usize>,
     /// From the lightest to the heaviest.
     front: Vec<FrontPoint>,
 }
@@ -83,6 +87,8 @@ pub(crate) fn run(arguments: &Arguments, scenario: &Scenario) -> Result<(), Fail
         aim: first.aim,
         objective: first.objective,
         loss_factor: first.loss_factor,
+        stroke_m: first.stroke,
+        hosts_at_most: first.hosts_at_most,
         front,
     };
     if let Some(picture) = picture {

@@ -4,7 +4,8 @@ use std::ops::ControlFlow;
 use std::sync::atomic::Ordering;
 
 use hertz_chain::{
-    Aim, InputError, Intruder, Objective, OptimiseError, Optimum, Search, SearchProgress, Spread, optimise,
+    Aim, Catalogue, InputError, Intruder, Objective, OptimiseError, Optimum, Search, SearchProgress, Spread,
+    optimise,
 };
 
 use crate::cli::beads::BeadNumbers;
@@ -28,6 +29,14 @@ Of several strikes, the mean (or the worst) of each value over that without intr
 intruders deviate together, as those of a batch do. The optimum without the spread is found first, and both \
 are compared.
 
+--stroke keeps each intruder within the room that it has: its greatest displacement from rest in its bead.
+
+--catalogue chooses springs that can be bought. The file has a [[spring]] for each, with name and stiffness in \
+N/m, and what else the spring comes with: damping (N·s/m) or loss_factor, mass of the intruder (kg), stroke (m). \
+The optimum with free stiffnesses is found first; then springs are exchanged until no exchange gains.
+
+--hosts-at-most says how many of the beads hold an intruder, and the search chooses which.
+
 Examples:
   bead optimise docs/scenarios/ten-intruders.toml --bead 7-16 \\
       --total-mass 0.037
@@ -40,6 +49,12 @@ Examples:
   bead optimise docs/scenarios/paper-strike.toml --bead 5,7,8 \\
       --total-mass 0.03 --objective force:13 --loss-factor 0.2
   bead optimise docs/scenarios/ten-intruders.toml --bead 7-9 \\
+      --total-mass 0.03 --stroke 6e-6
+  bead optimise docs/scenarios/ten-intruders.toml --bead 7-9 \\
+      --total-mass 0.03 --catalogue docs/scenarios/springs.toml
+  bead optimise docs/scenarios/ten-intruders.toml --bead 5-16 \\
+      --total-mass 0.03 --hosts-at-most 3
+  bead optimise docs/scenarios/ten-intruders.toml --bead 7-9 \\
       --total-mass 0.12 --spread stiffness:15%,damping:30%
   bead simulate best.toml";
 
@@ -48,7 +63,8 @@ Examples:
 pub(crate) struct Arguments {
     /// The scenario, a TOML file in SI units. Its intruders are only compared with.
     pub(super) scenario: PathBuf,
-    /// The beads that hold an intruder each, such as 7-16 or 7,9,12-14; all: those of the scenario that do.
+    /// The beads that hold an intruder each, or may hold one (--hosts-at-most), such as 7-16 or 7,9,12-14;
+    /// all: those of the scenario that do.
     #[arg(long, value_name = "BEADS")]
     pub(super) bead: BeadNumbers,
     /// Greatest mass of all intruders together, kg; several for a front, the best at each.
@@ -66,6 +82,15 @@ pub(crate) struct Arguments {
     /// Loss factor c/√(k m) of all intruders, in place of a free damping: one material for all springs.
     #[arg(long, value_name = "ETA", conflicts_with = "damping")]
     pub(super) loss_factor: Option<f64>,
+    /// Greatest displacement of an intruder in its bead, m, at every velocity and corner of the spread.
+    #[arg(long, value_name = "M")]
+    pub(super) stroke: Option<f64>,
+    /// A TOML file of springs, of which each intruder gets one.
+    #[arg(long, value_name = "F.toml")]
+    pub(super) catalogue: Option<PathBuf>,
+    /// Greatest number of the beads that hold an intruder; the search chooses them.
+    #[arg(long, value_name = "N")]
+    pub(super) hosts_at_most: Option<usize>,
     /// Quantity to make small: remaining, force:CONTACT, energy-behind:BEAD, impulse:CONTACT.
     #[arg(long, value_name = "WHAT", default_value = "remaining")]
     pub(super) objective: Objective,
@@ -82,7 +107,8 @@ pub(crate) struct Arguments {
     /// Make all intruders alike.
     #[arg(long)]
     pub(super) alike: bool,
-    /// Greatest number of designs to try, each at every velocity and corner of the spread.
+    /// Greatest number of designs to try, each at every velocity and corner of the spread; as many again for
+    /// --spread, --catalogue and --hosts-at-most.
     #[arg(long, value_name = "N", default_value_t = 200_000)]
     pub(super) evaluations: usize,
     /// Write the scenario with the intruders found to this file, for `bead simulate`.
@@ -116,6 +142,10 @@ pub(super) fn search(arguments: &Arguments, scenario: &Scenario, mass: f64) -> R
     search.stiffness = arguments.stiffness.unwrap_or(search.stiffness);
     search.damping = arguments.damping.unwrap_or(search.damping);
     search.loss_factor = arguments.loss_factor;
+    search.stroke = arguments.stroke;
+    search.hosts_at_most = arguments.hosts_at_most;
+    let catalogue = arguments.catalogue.as_deref().map(Catalogue::load);
+    search.catalogue = catalogue.transpose().map_err(Failure::input)?;
     search.objective = arguments.objective;
     search.hosts.sort_unstable();
     search.speeds.clone_from(&arguments.velocity);

@@ -14,7 +14,7 @@ use super::chain::{ChainShape, Constants};
 use super::crossing::{Changes, ContactBatch};
 use super::eight::{Eight, LANES, Vector, Wide, all};
 use super::method::{DISPLACEMENT, END, ERROR, NODES, STAGES, VELOCITY};
-use super::peak::ForcePeaks;
+use super::peak::{ForcePeaks, farthest};
 use crate::model::Model;
 
 /// Displacements and velocities of the bodies, and of the intruders relative to their hosts.
@@ -77,6 +77,8 @@ pub(super) struct Group<'a> {
     /// Models of the lanes, for their contacts, and the contacts whose greatest force is wanted.
     models: &'a [&'a Model],
     pub(super) peaks: Vec<ForcePeaks>,
+    /// Greatest |x| of each intruder so far, m; empty if not wanted.
+    pub(super) strokes: Vec<Eight>,
 }
 
 /// State of one chain at the end of a step, with its intruders at rest.
@@ -135,7 +137,13 @@ impl<'a> Group<'a> {
                 .iter()
                 .map(|&contact| ForcePeaks { contact, greatest })
                 .collect(),
+            strokes: Vec::new(),
         }
+    }
+
+    /// Makes the run find the stroke of each intruder.
+    pub(super) fn find_strokes(&mut self) {
+        self.strokes = vec![Eight::ZERO; self.shape.hosts.len()];
     }
 
     /// Makes each lane stop before the step that pushes a body from `first` on.
@@ -209,6 +217,9 @@ impl<S: Wide> NullaryFnOnce for GroupCall<'_, '_, S> {
             let allowed = group.judge(simd);
             if !group.peaks.is_empty() {
                 group.find_peaks(&before, &allowed);
+            }
+            if !group.strokes.is_empty() {
+                group.lengthen_strokes(&allowed);
             }
             group.take(simd, &allowed);
         }
@@ -588,6 +599,21 @@ impl Group<'_> {
                 let ends = (overlap(&self.now, 0), overlap(&self.next, END));
                 let contact = model.contact(far);
                 peaks.search(lane, &contact, (before.0[lane], length), ends);
+            }
+        }
+    }
+
+    /// Searches the step for the greatest displacements of intruders, in these lanes.
+    fn lengthen_strokes(&mut self, allowed: &Eight) {
+        for &guest in &self.guests {
+            let state = |motion: &GroupMotion, stage: usize, lane: usize| {
+                let acceleration = self.guest_rates[guest][stage].0[lane];
+                [motion.x[guest].0[lane], motion.w[guest].0[lane], acceleration]
+            };
+            for lane in (0..LANES).filter(|&lane| allowed.0[lane] != 0.0 && self.length.0[lane] > 0.0) {
+                let ends = (state(&self.now, 0, lane), state(&self.next, END, lane));
+                let stroke = &mut self.strokes[guest].0[lane];
+                *stroke = farthest(*stroke, self.length.0[lane], ends);
             }
         }
     }

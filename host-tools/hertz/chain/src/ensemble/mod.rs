@@ -40,6 +40,8 @@ use crate::summariser::Summariser;
 pub struct EnsembleOptions<'a> {
     /// Contacts whose greatest force is wanted ([`EnsembleOutcome::peaks`]).
     pub peaks: &'a [usize],
+    /// True if the stroke of each intruder is wanted ([`EnsembleOutcome::strokes`]).
+    pub strokes: bool,
     /// Called now and then with the completed part of the chains, 0 to 1.
     pub progress: Option<&'a (dyn Fn(f64) + Sync)>,
 }
@@ -49,6 +51,13 @@ impl<'a> EnsembleOptions<'a> {
     #[must_use]
     pub const fn with_peaks(mut self, contacts: &'a [usize]) -> Self {
         self.peaks = contacts;
+        self
+    }
+
+    /// Asks for the stroke of each intruder.
+    #[must_use]
+    pub const fn with_strokes(mut self) -> Self {
+        self.strokes = true;
         self
     }
 
@@ -122,17 +131,17 @@ pub(crate) fn ensemble_on(
     let groups: Vec<_> = alike.flat_map(|alike| alike.chunks(eight::LANES)).collect();
     let of_groups = groups.into_par_iter().flat_map_iter(|group| {
         let members: Vec<&GroupMember<'_>> = group.iter().map(|(_, member)| member).collect();
-        let outcomes = together::run(&group[0].0, &members, options.peaks);
+        let outcomes = together::run(&group[0].0, &members, (options.peaks, options.strokes));
         tell(group.len());
         let indices = group.iter().map(|(_, member)| member.index);
         indices.zip(outcomes).map(|(index, outcome)| {
-            let alone = || single(&scenarios[index], options.peaks, ALONE);
+            let alone = || single(&scenarios[index], options, ALONE);
             (index, outcome.map_or_else(alone, Ok))
         })
     });
     let mut found: Vec<(usize, Result<EnsembleOutcome, SimulateError>)> = of_groups.collect();
     let one_by_one = alone.into_par_iter().map(|index| {
-        let outcome = single(&scenarios[index], options.peaks, ALONE);
+        let outcome = single(&scenarios[index], options, ALONE);
         tell(1);
         (index, outcome)
     });
@@ -150,26 +159,34 @@ const ALONE: Accuracy = Accuracy::new(1e-9, 0.5);
 /// Runs a chain by itself, without keeping its motion.
 pub(crate) fn single(
     scenario: &Scenario,
-    peaks: &[usize],
+    options: &EnsembleOptions<'_>,
     accuracy: Accuracy,
 ) -> Result<EnsembleOutcome, SimulateError> {
     let mut run = Run::new(scenario, accuracy)?;
     run.check(scenario.duration, accuracy.longest_step)?;
-    let mut found = Vec::new();
-    if peaks.is_empty() {
+    let (mut peaks, mut strokes) = (Vec::new(), Vec::new());
+    if options.peaks.is_empty() && !options.strokes {
         run.to(scenario.duration)?;
     } else {
         let mut summary = Summariser::new(&mut run);
         run.watch(scenario.duration, |step| summary.observe(step))?;
-        found = summary.summary(&mut run).peak_force;
-        let wanted: HashSet<usize> = peaks.iter().copied().collect();
-        found.retain(|peak| wanted.contains(&peak.contact));
-        found.iter_mut().for_each(|peak| peak.fwhm = None);
+        let summary = summary.summary(&mut run);
+        let wanted: HashSet<usize> = options.peaks.iter().copied().collect();
+        peaks = summary.peak_force;
+        peaks.retain(|peak| wanted.contains(&peak.contact));
+        peaks.iter_mut().for_each(|peak| peak.fwhm = None);
+        if options.strokes {
+            let of_each = summary.intruders.iter();
+            strokes = of_each
+                .map(|intruder| intruder.relative_displacement_max)
+                .collect();
+        }
     }
     Ok(EnsembleOutcome {
         state: run.snapshot().state,
         time: run.time(),
-        peaks: found,
+        peaks,
+        strokes,
         steps: run.steps(),
         model: run.model,
     })

@@ -14,6 +14,7 @@ pub struct EnsembleOutcome {
     pub(super) time: f64,
     pub(super) state: Vec<f64>,
     pub(super) peaks: Vec<ContactPeak>,
+    pub(super) strokes: Vec<f64>,
     pub(super) steps: u64,
 }
 
@@ -82,6 +83,12 @@ impl EnsembleOutcome {
     /// ever carried one. Its width is not computed.
     pub fn peaks(&self) -> &[ContactPeak] {
         &self.peaks
+    }
+
+    /// The greatest displacement |x| of each intruder from rest in its host, m, in the order of the beads, if
+    /// [`EnsembleOptions::strokes`](crate::EnsembleOptions::strokes) asked for it.
+    pub fn strokes(&self) -> &[f64] {
+        &self.strokes
     }
 
     /// The energy that each intruder has taken, in the order of the beads.

@@ -1,4 +1,4 @@
-//! Search for the greatest force of chosen contacts while a group runs.
+//! Search for the greatest force of chosen contacts, and for the strokes of intruders, while a group runs.
 
 use super::eight::LANES;
 use crate::model::Contact;
@@ -10,8 +10,8 @@ pub(super) struct ForcePeaks {
     pub(super) greatest: [(f64, f64); LANES],
 }
 
-/// Overlap of a contact, m, its rate, m/s, and its acceleration, m/s².
-pub(super) type OverlapState = [f64; 3];
+/// Overlap of a contact or displacement of an intruder, m, its rate, m/s, and its acceleration, m/s².
+pub(super) type PlaceState = [f64; 3];
 
 impl ForcePeaks {
     /// Searches a step of one lane that begins at `time`. The overlap is the polynomial of fifth order
@@ -21,10 +21,10 @@ impl ForcePeaks {
         lane: usize,
         contact: &Contact,
         (time, length): (f64, f64),
-        (start, end): (OverlapState, OverlapState),
+        (start, end): (PlaceState, PlaceState),
     ) {
         let known = self.greatest[lane].0;
-        let force = |[overlap, rate, _]: OverlapState| {
+        let force = |[overlap, rate, _]: PlaceState| {
             contact.elastic_force(overlap) + contact.viscous_force(overlap, rate)
         };
         let (first, last) = (force(start), force(end));
@@ -41,11 +41,7 @@ impl ForcePeaks {
         }
         let overlap = polynomial(length, start, end);
         let inside = |x: f64| {
-            let (mut value, mut slope) = (0.0, 0.0);
-            for coefficient in overlap.into_iter().rev() {
-                slope = slope * x + value;
-                value = value * x + coefficient;
-            }
+            let (value, slope) = at(&overlap, x);
             force([value, slope / length, 0.0])
         };
         let (part, force) = top(inside);
@@ -55,13 +51,27 @@ impl ForcePeaks {
     }
 }
 
-fn force_rate(contact: &Contact, [overlap, rate, bend]: OverlapState) -> f64 {
+/// Returns the greatest |x| of an intruder in a step of this length, or `known` if that is greater.
+pub(super) fn farthest(known: f64, length: f64, (start, end): (PlaceState, PlaceState)) -> f64 {
+    let ends = start[0].abs().max(end[0].abs());
+    let turns = start[1] * end[1] < 0.0;
+    // A turn worth a search lies between ends that are not far nearer.
+    if !turns || 2.0 * ends < known {
+        return known.max(ends);
+    }
+    let place = polynomial(length, start, end);
+    let outwards = start[1].signum();
+    let (_, turn) = top(|x| outwards * at(&place, x).0);
+    known.max(ends).max(turn)
+}
+
+fn force_rate(contact: &Contact, [overlap, rate, bend]: PlaceState) -> f64 {
     let root = overlap.sqrt();
     root * rate + contact.relaxation * (0.5 * rate * rate / root + root * bend)
 }
 
 /// Coefficients of the polynomial of the part of a step with these values at its ends.
-fn polynomial(length: f64, start: OverlapState, end: OverlapState) -> [f64; 6] {
+fn polynomial(length: f64, start: PlaceState, end: PlaceState) -> [f64; 6] {
     let (h, square) = (length, length * length);
     let (p0, p1, p2) = (start[0], start[1] * h, 0.5 * start[2] * square);
     let (place, rate) = (end[0] - p0 - p1 - p2, end[1] * h - p1 - 2.0 * p2);
@@ -74,6 +84,16 @@ fn polynomial(length: f64, start: OverlapState, end: OverlapState) -> [f64; 6] {
         -15.0 * place + 7.0 * rate - bend,
         6.0 * place - 3.0 * rate + 0.5 * bend,
     ]
+}
+
+/// Value and slope of a polynomial of the part of a step.
+fn at(polynomial: &[f64; 6], x: f64) -> (f64, f64) {
+    let (mut value, mut slope) = (0.0, 0.0);
+    for coefficient in polynomial.iter().rev() {
+        slope = slope * x + value;
+        value = value * x + coefficient;
+    }
+    (value, slope)
 }
 
 /// Returns the greatest value of a function with one top between 0 and 1 and its place, by golden sections.

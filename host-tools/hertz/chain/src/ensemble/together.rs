@@ -85,14 +85,18 @@ pub(super) fn before(
     (0..members.len()).map(|lane| group.lane(lane)).collect()
 }
 
-/// Runs up to eight chains to their ends and finds these contacts' greatest forces. `None`: it got stuck.
+/// Runs up to eight chains to their ends and finds the greatest forces of `peaks`, and the intruders' strokes
+/// if wanted. `None`: it got stuck.
 pub(super) fn run(
     shape: &ChainShape,
     members: &[&GroupMember<'_>],
-    peaks: &[usize],
+    (peaks, strokes): (&[usize], bool),
 ) -> Vec<Option<EnsembleOutcome>> {
     let eight = Eightfold::new(shape, members, peaks);
     let mut group = eight.group(shape);
+    if strokes {
+        group.find_strokes();
+    }
     for (lane, member) in members.iter().enumerate() {
         if let Some(start) = &member.start {
             group.start_lane(lane, start);
@@ -106,6 +110,7 @@ pub(super) fn run(
                 time: member.time,
                 state: state(shape, member.model, &group, lane),
                 peaks: greatest(&group, lane),
+                strokes: group.strokes.iter().map(|stroke| stroke.0[lane]).collect(),
                 steps: group.tries[lane],
             };
             outcome.balanced()

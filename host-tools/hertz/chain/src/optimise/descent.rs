@@ -5,72 +5,139 @@ use std::cell::RefCell;
 use slsqp::{FailStatus, StopTols, SuccessStatus};
 
 use super::objective::Objective;
-use super::problem::{Problem, Properties, TriedDesign};
-use super::search::Search;
+use super::problem::{DesignValues, Problem, TriedDesign};
+use super::variables::{Bounds, Variables, excess, overreaches};
 use crate::simulate::SimulateError;
 
-/// Change of a variable to either side, for a difference quotient.
-const STEP: f64 = 2e-3;
 /// Relative change of the share below which a descent ends.
 const SETTLED: f64 = 1e-9;
 /// Shares are smooth to this, so a share so little above its bound is at it.
 const SMOOTH: f64 = 1e-7;
+/// Greatest logarithm of a stroke over its limit that a descent regards.
+const OVERREACH_MOST: f64 = 100.0;
 /// Least gain for which a descent is restarted from its end, without its estimate of the curvature.
 const GAINED: f64 = 1e-6;
 
+/// Number that a descent makes small.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Aspect {
+    /// The search's value of a design, within the limits on strokes.
+    Value,
+    /// The greatest overreach of its strokes.
+    Overreach,
+}
+
 impl Problem<'_> {
     /// Improves a design until no design near it is better, or until `most` evaluations have been made.
-    /// Intruders stay alike if the design has one entry.
-    pub(super) fn descend(&self, start: TriedDesign, most: usize) -> Result<TriedDesign, SimulateError> {
+    /// Intruders stay alike if the design has one entry. `bounds` has an entry for each of the design, or one
+    /// for all.
+    pub(super) fn descend(
+        &self,
+        start: TriedDesign,
+        bounds: &[Bounds],
+        most: usize,
+    ) -> Result<TriedDesign, SimulateError> {
         let mut sofar = self.sofar.get();
         sofar.descents += 1;
         self.tell(sofar);
         let full = sofar.evaluations + most.min(self.left());
+        let best = self.improve(start, bounds, full, Aspect::Value)?;
+        if best.excess == 0.0 || !best.settled {
+            return Ok(best);
+        }
+        // A method that walks along its constraints can fail to find where all of them hold.
+        let within = self.improve(best, bounds, full, Aspect::Overreach)?;
+        if within.excess > 0.0 || !within.settled {
+            return Ok(within);
+        }
+        self.improve(within, bounds, full, Aspect::Value)
+    }
+
+    /// Repeats the method from its end until that gains nothing.
+    fn improve(
+        &self,
+        start: TriedDesign,
+        bounds: &[Bounds],
+        full: usize,
+        aspect: Aspect,
+    ) -> Result<TriedDesign, SimulateError> {
         let mut best = start;
         loop {
-            let before = best.value;
-            best = self.follow_down(best, full)?;
-            if !best.settled || before - best.value < GAINED {
+            let before = (best.excess, best.value);
+            best = self.follow_down(best, bounds, full, aspect)?;
+            let gained = before.0 - best.excess >= GAINED
+                || (best.excess == before.0 && before.1 - best.value >= GAINED);
+            if !best.settled || !gained {
                 return Ok(best);
             }
         }
+    }
+
+    /// Returns the parts of which a descent makes the greatest small, for these values of a design.
+    fn parts(&self, values: &DesignValues, bounds: &[Bounds], aspect: Aspect) -> Vec<f64> {
+        match aspect {
+            Aspect::Value => self.search.parts(&values.shares),
+            Aspect::Overreach => overreaches(values, bounds),
+        }
+    }
+
+    /// Number of the parts of an aspect.
+    fn count_parts(&self, bounds: &[Bounds], aspect: Aspect) -> usize {
+        let runs = self.search.spread.corners().len() * self.speeds.len();
+        let nothing = DesignValues {
+            shares: vec![0.0; runs],
+            strokes: vec![0.0; runs * self.hosts.len()],
+        };
+        self.parts(&nothing, bounds, aspect).len()
     }
 
     /// Runs the method once, up to a total of `full` evaluations.
     ///
     /// The greatest of several values has kinks, on which a descent would stop short. It is found as the
     /// least bound t with every value below it: t is one more variable, and each value a constraint.
-    fn follow_down(&self, start: TriedDesign, full: usize) -> Result<TriedDesign, SimulateError> {
-        let variables = Variables::new(self.search, start.design.len());
+    fn follow_down(
+        &self,
+        start: TriedDesign,
+        bounds: &[Bounds],
+        full: usize,
+        aspect: Aspect,
+    ) -> Result<TriedDesign, SimulateError> {
+        let variables = Variables::new(self.search, bounds, start.design.len());
         let mut first = variables.of(&start.design);
-        let mut bounds = variables.bounds.clone();
-        let corners = self.search.spread.corners().len();
-        let parts = self.search.parts(&vec![0.0; corners * self.speeds.len()]).len();
-        let bounded = parts > 1;
+        let mut limits = variables.bounds.clone();
+        let parts = self.count_parts(bounds, aspect);
+        let bounded = parts > 1 || aspect == Aspect::Overreach;
         if bounded {
-            // A fresh start has not been tried. No share of energy is above 1, and a design that doubles what
-            // it is to make small is no start.
-            first.push(start.value.min(1.0));
-            let most = if self.search.objective == Objective::Remaining {
-                1.0
-            } else {
-                2.0
-            };
-            bounds.push((0.0, most));
+            let (at, range) = self.bound_of(&start, aspect);
+            first.push(at);
+            limits.push(range);
         }
+        let reaches = match aspect {
+            Aspect::Value => self.count_parts(bounds, Aspect::Overreach),
+            Aspect::Overreach => 0,
+        };
         let descent = RefCell::new(Descent {
             problem: self,
             variables: &variables,
+            bounds,
             most: full,
             best: start,
             full: false,
+            lost: false,
+            in_vain: 0,
             failed: None,
             known: None,
         });
+        if variables.bounds.is_empty() {
+            // With every value fixed, there is one design.
+            descent.borrow_mut().known(&[], false);
+            return descent.into_inner().ended(true);
+        }
+        let free = variables.bounds.len();
         let mean = |x: &[f64], gradient: Option<&mut [f64]>, _: &mut ()| {
-            descent
-                .borrow_mut()
-                .aim(x, gradient, |shares| self.search.value(shares))
+            let mut descent = descent.borrow_mut();
+            let value = descent.aim(x, gradient, |values| self.search.value(&values.shares));
+            value.unwrap_or(descent.best.value)
         };
         let bound = |x: &[f64], gradient: Option<&mut [f64]>, _: &mut ()| {
             let last = x.len() - 1;
@@ -78,7 +145,7 @@ impl Problem<'_> {
                 gradient.fill(0.0);
                 gradient[last] = 1.0;
             }
-            x[last]
+            if descent.borrow().is_over() { 0.0 } else { x[last] }
         };
         let above = |part: usize| {
             let descent = &descent;
@@ -87,214 +154,206 @@ impl Problem<'_> {
                 if let Some(last) = gradient.as_mut().and_then(|gradient| gradient.last_mut()) {
                     *last = -1.0;
                 }
-                let free = gradient.map(|gradient| &mut gradient[..x.len()]);
-                let share = descent
-                    .borrow_mut()
-                    .aim(x, free, |shares| self.search.parts(shares)[part]);
-                if (share - bound).abs() < SMOOTH {
-                    0.0
-                } else {
-                    share - bound
+                let gradient = gradient.map(|gradient| &mut gradient[..x.len()]);
+                let mut descent = descent.borrow_mut();
+                let value = descent.aim(x, gradient, |values| self.parts(values, bounds, aspect)[part]);
+                let above = value.map(|value| value - bound);
+                above.filter(|above| above.abs() >= SMOOTH).unwrap_or(0.0)
+            }
+        };
+        let too_far = |reach: usize| {
+            let descent = &descent;
+            move |x: &[f64], mut gradient: Option<&mut [f64]>, _: &mut ()| {
+                if let Some(gradient) = &mut gradient {
+                    gradient.fill(0.0);
                 }
+                let gradient = gradient.map(|gradient| &mut gradient[..free]);
+                let mut descent = descent.borrow_mut();
+                let value = descent.aim(&x[..free], gradient, |values| overreaches(values, bounds)[reach]);
+                value.filter(|value| value.abs() >= SMOOTH).unwrap_or(0.0)
             }
         };
         let above: Vec<_> = (0..parts).map(above).collect();
+        let too_far: Vec<_> = (0..reaches).map(too_far).collect();
         let too_heavy = |x: &[f64], mut gradient: Option<&mut [f64]>, _: &mut ()| {
             if let Some(gradient) = &mut gradient {
                 gradient.fill(0.0);
             }
-            let free = variables.bounds.len();
+            if descent.borrow().is_over() {
+                return 0.0;
+            }
             variables.overweight(&x[..free], gradient.map(|gradient| &mut gradient[..free]))
         };
         let mut constraints = vec![&too_heavy as &dyn slsqp::Func<()>];
         if bounded {
             constraints.extend(above.iter().map(|above| above as &dyn slsqp::Func<()>));
         }
+        constraints.extend(too_far.iter().map(|too_far| too_far as &dyn slsqp::Func<()>));
         let objective: &dyn slsqp::Func<()> = if bounded { &bound } else { &mean };
-        let ended = slsqp::minimize(
-            objective,
-            &first,
-            &bounds,
-            &constraints,
-            (),
-            // Calls after the last evaluation cost nothing, so this limit never ends a descent early.
-            full.min(1_000_000),
-            Some(StopTols {
-                // A bound moves with the noise of the shares that touch it.
-                ftol_rel: if bounded { SMOOTH } else { SETTLED },
-                ..StopTols::default()
-            }),
-        );
-        let settled = match ended {
-            Ok((status, ..)) => !matches!(status, SuccessStatus::MaxEvalReached),
-            Err((status, ..)) => matches!(status, FailStatus::RoundoffLimited),
-        };
-        let mut ended = descent.into_inner();
-        ended.best.settled = settled && !ended.full;
-        ended.failed.map_or(Ok(ended.best), Err)
-    }
-}
-
-/// Variables of a descent, all of order one, for each entry of a design: the mass as a part of the total mass
-/// for one host, and the logarithms of stiffness and, if it is free, damping.
-struct Variables<'a> {
-    search: &'a Search,
-    /// The total mass divided by the number of hosts, kg.
-    each: f64,
-    bounds: Vec<(f64, f64)>,
-}
-
-impl<'a> Variables<'a> {
-    fn new(search: &'a Search, entries: usize) -> Self {
-        let each = search.total_mass / search.hosts.len() as f64;
-        let [stiffness, damping] = [search.stiffness, search.damping].map(|pair| pair.map(f64::ln));
-        let bounds = [search.mass.map(|mass| mass / each), stiffness, damping];
-        let bounds = bounds.map(|[low, high]| (low, high));
-        let bounds = bounds[..Self::each_has(search)].repeat(entries);
-        Self { search, each, bounds }
+        let settled = minimised(objective, &first, &limits, &constraints, full);
+        descent.into_inner().ended(settled)
     }
 
-    /// Number of variables of each entry.
-    fn each_has(search: &Search) -> usize {
-        if search.loss_factor.is_some() { 2 } else { 3 }
-    }
-
-    /// Returns the variables of a design, clamped to the bounds.
-    fn of(&self, design: &[Properties]) -> Vec<f64> {
-        let count = Self::each_has(self.search);
-        let of = |[mass, stiffness, damping]: &Properties| {
-            let all = [mass / self.each, stiffness.ln(), damping.ln()];
-            all.into_iter().take(count)
-        };
-        let free = design.iter().flat_map(of).zip(&self.bounds);
-        free.map(|(value, (low, high))| value.clamp(*low, *high))
-            .collect()
-    }
-
-    fn design(&self, x: &[f64]) -> Vec<Properties> {
-        let entry = |x: &[f64]| {
-            let (mass, stiffness) = (x[0] * self.each, x[1].exp());
-            let free = x.get(2).map_or(0.0, |damping| damping.exp());
-            [mass, stiffness, self.search.damping_of([mass, stiffness, free])]
-        };
-        x.chunks_exact(Self::each_has(self.search)).map(entry).collect()
-    }
-
-    /// Returns the mass of a design's intruders above the bound, as a part of the bound; at most 0 within it.
-    fn overweight(&self, x: &[f64], gradient: Option<&mut [f64]>) -> f64 {
-        let count = Self::each_has(self.search);
-        let part = 1.0 / (x.len() / count) as f64;
-        if let Some(gradient) = gradient {
-            gradient.fill(0.0);
-            gradient.iter_mut().step_by(count).for_each(|entry| *entry = part);
+    /// The first value of the bound t on an aspect, and its range.
+    fn bound_of(&self, start: &TriedDesign, aspect: Aspect) -> (f64, (f64, f64)) {
+        match aspect {
+            // A fresh start has not been tried. No share of energy is above 1, and a design that doubles what
+            // it is to make small is no start.
+            Aspect::Value => {
+                let remaining = self.search.objective == Objective::Remaining;
+                (start.value.min(1.0), (0.0, if remaining { 1.0 } else { 2.0 }))
+            }
+            Aspect::Overreach => (start.excess, (-OVERREACH_MOST, OVERREACH_MOST)),
         }
-        let excess = x.iter().step_by(count).sum::<f64>() * part - 1.0;
-        // Rounding must not count, or the descent would not end.
-        if excess.abs() < 1e-12 { 0.0 } else { excess }
-    }
-
-    /// Returns a pair of designs beside `x` for each variable, within the bounds, and their distance in it.
-    fn beside(&self, x: &[f64]) -> Vec<([Vec<f64>; 2], f64)> {
-        let pair = |(index, (low, high)): (usize, &(f64, f64))| {
-            let ends = [(x[index] - STEP).max(*low), (x[index] + STEP).min(*high)];
-            let designs = ends.map(|end| {
-                let mut beside = x.to_vec();
-                beside[index] = end;
-                beside
-            });
-            (designs, ends[1] - ends[0])
-        };
-        self.bounds.iter().enumerate().map(pair).collect()
     }
 }
 
-/// Shares at a place of the variables, and on demand beside it.
-struct KnownShares {
+/// Runs Kraft's method. Returns true if it ended by itself.
+fn minimised(
+    objective: &dyn slsqp::Func<()>,
+    first: &[f64],
+    limits: &[(f64, f64)],
+    constraints: &[&dyn slsqp::Func<()>],
+    full: usize,
+) -> bool {
+    // A bound moves with the noise of the shares that touch it.
+    let bounded = constraints.len() > 1;
+    let ended = slsqp::minimize(
+        objective,
+        first,
+        limits,
+        constraints,
+        (),
+        // Calls after the last evaluation cost nothing, so this limit never ends a descent early.
+        full.min(1_000_000),
+        Some(StopTols {
+            ftol_rel: if bounded { SMOOTH } else { SETTLED },
+            ..StopTols::default()
+        }),
+    );
+    match ended {
+        Ok((status, ..)) => !matches!(status, SuccessStatus::MaxEvalReached),
+        Err((status, ..)) => matches!(status, FailStatus::RoundoffLimited),
+    }
+}
+
+/// Values at a place of the variables, and on demand beside it.
+struct KnownValues {
     x: Vec<f64>,
-    /// One for each strike.
-    shares: Vec<f64>,
-    /// Of each variable: the shares to either side, and their distance in it.
-    beside: Option<Vec<([Vec<f64>; 2], f64)>>,
+    values: DesignValues,
+    /// Of each variable: the values to either side, and their distance in it.
+    beside: Option<Vec<([DesignValues; 2], f64)>>,
 }
 
 /// State of a descent, which the objective function cannot return.
 struct Descent<'a> {
     problem: &'a Problem<'a>,
-    variables: &'a Variables<'a>,
+    variables: &'a Variables,
+    bounds: &'a [Bounds],
     /// Most evaluations of the whole search.
     most: usize,
     best: TriedDesign,
     /// True once the evaluations are spent or the search was asked to stop.
     full: bool,
+    /// True once the method has lost its way: it tries numbers that are none, or gains nothing any more.
+    lost: bool,
+    /// Gradients since the best design was found.
+    in_vain: usize,
     failed: Option<SimulateError>,
     /// The last place: objective and constraints ask for the same one in turn.
-    known: Option<KnownShares>,
+    known: Option<KnownValues>,
 }
 
 impl Descent<'_> {
-    /// Returns a number made of the shares at `x`, and writes its derivatives if they are wanted.
-    fn aim(&mut self, x: &[f64], gradient: Option<&mut [f64]>, of: impl Fn(&[f64]) -> f64) -> f64 {
-        let (worst, with_slopes) = (self.best.value, gradient.is_some());
+    /// The best design of a descent that has ended.
+    fn ended(mut self, settled: bool) -> Result<TriedDesign, SimulateError> {
+        self.best.settled = settled && !self.full;
+        self.failed.map_or(Ok(self.best), Err)
+    }
+
+    /// Returns true if nothing more will be tried. An objective function cannot stop the method, but constant
+    /// values and constraints that hold end it.
+    fn is_over(&self) -> bool {
+        self.full || self.lost || self.failed.is_some()
+    }
+
+    /// Returns a number made of the values at `x`, and writes its derivatives if they are wanted; `None` if
+    /// the descent is over.
+    fn aim(
+        &mut self,
+        x: &[f64],
+        gradient: Option<&mut [f64]>,
+        of: impl Fn(&DesignValues) -> f64,
+    ) -> Option<f64> {
+        let with_slopes = gradient.is_some();
         let Some(known) = self.known(x, with_slopes) else {
-            // An objective function cannot stop the descent, but a constant value ends it.
             gradient.into_iter().for_each(|gradient| gradient.fill(0.0));
-            return worst;
+            return None;
         };
         let beside = known.beside.iter().flatten();
         let slopes = beside.map(|([low, high], apart)| (of(high) - of(low)) / apart);
         for (entry, slope) in gradient.into_iter().flatten().zip(slopes) {
             *entry = slope;
         }
-        of(&known.shares)
+        Some(of(&known.values))
     }
 
-    /// Returns the shares at `x`, and beside it if wanted; `None` once the search is spent, stopped, or has
-    /// failed.
-    fn known(&mut self, x: &[f64], with_slopes: bool) -> Option<&KnownShares> {
-        let suffices = |known: &KnownShares| known.x == x && (known.beside.is_some() || !with_slopes);
+    /// Returns the values at `x`, and beside it if wanted; `None` if the descent is over.
+    fn known(&mut self, x: &[f64], with_slopes: bool) -> Option<&KnownValues> {
+        let suffices = |known: &KnownValues| known.x == x && (known.beside.is_some() || !with_slopes);
         if !self.known.as_ref().is_some_and(suffices) {
             self.known = Some(self.evaluate(x, with_slopes)?);
         }
         self.known.as_ref()
     }
 
-    fn evaluate(&mut self, x: &[f64], with_slopes: bool) -> Option<KnownShares> {
+    fn evaluate(&mut self, x: &[f64], with_slopes: bool) -> Option<KnownValues> {
         let beside = if with_slopes {
             self.variables.beside(x)
         } else {
             Vec::new()
         };
-        let mut shares = self.shares(x, &beside)?.into_iter();
-        let here = shares.next()?;
+        let mut tried = self.try_at(x, &beside)?.into_iter();
+        let here = tried.next()?;
         let problem = self.problem;
-        let value = problem.search.value(&here);
+        let found = TriedDesign {
+            design: self.variables.design(x),
+            value: problem.search.value(&here.shares),
+            excess: excess(&here, self.bounds),
+            settled: false,
+        };
         // A fresh start may be slightly too heavy, where its masses were raised to the least.
-        if value < self.best.value && self.variables.overweight(x, None) <= 1e-9 {
-            self.best.value = value;
-            self.best.design = self.variables.design(x);
-            problem.note(value);
+        if found.is_better_than(&self.best) && self.variables.overweight(x, None) <= 1e-9 {
+            problem.note(found.value, found.excess);
+            self.best = found;
+            self.in_vain = 0;
+        } else if with_slopes {
+            self.in_vain += 1;
+            self.lost |= self.in_vain >= problem.patience;
         }
-        let pair = |(_, apart): &([Vec<f64>; 2], f64)| Some(([shares.next()?, shares.next()?], *apart));
+        let pair = |(_, apart): &([Vec<f64>; 2], f64)| Some(([tried.next()?, tried.next()?], *apart));
         let beside = with_slopes.then(|| beside.iter().map_while(pair).collect());
-        Some(KnownShares {
+        Some(KnownValues {
             x: x.to_vec(),
-            shares: here,
+            values: here,
             beside,
         })
     }
 
-    /// Returns the shares at `x`, then beside it; `None` once the search is spent, stopped, or has failed.
-    fn shares(&mut self, x: &[f64], beside: &[([Vec<f64>; 2], f64)]) -> Option<Vec<Vec<f64>>> {
+    /// Returns the values at `x`, then beside it; `None` if the descent is over.
+    fn try_at(&mut self, x: &[f64], beside: &[([Vec<f64>; 2], f64)]) -> Option<Vec<DesignValues>> {
         let made = self.problem.sofar.get().evaluations;
         self.full |= made + 1 + 2 * beside.len() > self.most;
-        if self.full || self.failed.is_some() {
+        self.lost |= !x.iter().all(|x| x.is_finite());
+        if self.is_over() {
             return None;
         }
         let beside = beside.iter().flat_map(|(pair, _)| pair).map(Vec::as_slice);
         let all = std::iter::once(x).chain(beside);
         let designs: Vec<_> = all.map(|x| self.variables.design(x)).collect();
-        match self.problem.shares(&designs) {
-            Ok(shares) if shares.len() == designs.len() => Some(shares),
+        let strokes = self.bounds.iter().any(|bounds| bounds.stroke.is_finite());
+        match self.problem.try_designs(&designs, strokes) {
+            Ok(values) if values.len() == designs.len() => Some(values),
             Ok(_) => {
                 self.full = true;
                 None

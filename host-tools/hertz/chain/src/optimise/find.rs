@@ -1,18 +1,17 @@
 //! The search for the best intruders.
 
-use std::cell::Cell;
-
 use rayon::prelude::*;
 use serde::Serialize;
 
 use super::error::OptimiseError;
 use super::objective::Objective;
 use super::problem::{Problem, SearchObserver, TriedDesign};
-use super::remaining::Remaining;
+use super::remaining::{Remaining, struck_at};
 use super::search::Search;
 use super::spread::{Deviation, Spread, deviating};
-use crate::ensemble::Prefixes;
-use crate::scenario::{Intruder, MOST_BEADS, Scenario};
+use super::springs::SpringChoice;
+use crate::ensemble::{EnsembleOptions, single};
+use crate::scenario::{InputError, Intruder, MOST_BEADS, Scenario};
 use crate::simulate::{Accuracy, SimulateError};
 
 /// The best intruders that were found.
@@ -35,9 +34,15 @@ pub struct Optimum {
     pub share_searched: f64,
     /// The least of that for intruders that are all alike.
     pub share_alike: f64,
+    /// Greatest displacement |x| of each intruder from rest in its host over all strikes, under a spread at
+    /// all of its corners, m.
+    #[serde(rename = "strokes_m")]
+    pub strokes: Vec<f64>,
     /// Change of the share if the chain is made twice as long: the influence of the far end. If it is
     /// not near zero, a wave came back from there, and its energy was counted as absorbed the second time.
     pub far_end: f64,
+    /// The springs that were chosen from the search's catalogue. `None` without one.
+    pub springs: Option<SpringChoice>,
     /// The worst value under the search's spread, beside that of the plain optimum. `None` without a spread.
     pub robustness: Option<Robustness>,
     /// Number of designs tried.
@@ -73,6 +78,10 @@ pub struct Robustness {
     pub plain_worst: f64,
     /// Factors of stiffness and damping at which they are worst.
     pub plain_worst_at: [f64; 2],
+    /// Greatest displacement |x| of each at the corners, m. They keep a limit if nothing deviates, and may
+    /// break it here.
+    #[serde(rename = "plain_strokes_m")]
+    pub plain_strokes: Vec<f64>,
 }
 
 impl Optimum {
@@ -98,7 +107,9 @@ const GAINED: f64 = 1e-6;
 /// Designs are compared with [`ensemble`](crate::ensemble()), and the result is run again at
 /// [`Accuracy::REFERENCE`].
 ///
-/// Under a [`Search::spread`], the optimum without it is found first, and the robust design then.
+/// Under a [`Search::spread`], the optimum without it is found first, and the robust design then. With
+/// [`Search::hosts_at_most`], the hosts are chosen before, and with a [`Search::catalogue`], the springs after
+/// each optimum with free stiffnesses.
 ///
 /// # Errors
 /// [`OptimiseError`]: a value of scenario or search is out of range, or a run cannot go on.
@@ -108,19 +119,39 @@ pub fn optimise(
     watch: Option<&SearchObserver<'_>>,
 ) -> Result<Optimum, OptimiseError> {
     search.check(scenario)?;
+    let Some(most) = search.hosts_at_most.filter(|&most| most < search.hosts.len()) else {
+        return in_all_hosts(scenario, search, None, watch);
+    };
+    let chosen = Problem::new(scenario, search, watch)?.choose_hosts(most)?;
+    let mut found = in_all_hosts(scenario, &chosen.search, Some(&chosen.intruders), watch)?;
+    found.evaluations += chosen.sofar.evaluations;
+    found.descents += chosen.sofar.descents;
+    found.settled &= chosen.settled;
+    Ok(found)
+}
+
+/// Finds the best intruders of all hosts, from `first` too.
+fn in_all_hosts(
+    scenario: &Scenario,
+    search: &Search,
+    first: Option<&[Intruder]>,
+    watch: Option<&SearchObserver<'_>>,
+) -> Result<Optimum, OptimiseError> {
     if search.spread.is_none() {
-        return best_of(scenario, search, None, watch);
+        return best_of(scenario, search, first, watch);
     }
     let mut exact = search.clone();
     exact.spread = Spread::default();
-    let plain = best_of(scenario, &exact, None, watch)?;
+    let plain = best_of(scenario, &exact, first, watch)?;
     let mut robust = best_of(scenario, search, Some(&plain.intruders), watch)?;
     let (mut worst, mut worst_at) = worst_of(scenario, search, &robust)?;
     let (plain_worst, plain_worst_at) = worst_of(scenario, search, &plain)?;
-    if plain_worst < worst {
+    let plain_strokes = strokes_of(scenario, search, &plain.intruders)?;
+    if plain_worst < worst && keeps_limits(search, &plain, &plain_strokes) {
         // The search was stopped, or spent its evaluations, before it came as far as where it began.
         (worst, worst_at) = (plain_worst, plain_worst_at);
         robust = Optimum {
+            strokes: plain_strokes.clone(),
             share_searched: plain_worst,
             share_alike: robust.share_alike,
             evaluations: robust.evaluations,
@@ -139,6 +170,7 @@ pub fn optimise(
         plain_share: plain.share,
         plain_worst,
         plain_worst_at,
+        plain_strokes,
     });
     Ok(robust)
 }
@@ -168,29 +200,181 @@ fn worst_of(
     Ok(worst.expect("a spread has corners"))
 }
 
+/// The greatest |x| of each intruder, m, at every speed and corner of the search's spread.
+fn strokes_of(
+    scenario: &Scenario,
+    search: &Search,
+    intruders: &[Intruder],
+) -> Result<Vec<f64>, SimulateError> {
+    let speeds = search.strikes(scenario);
+    let corners = search.spread.corners();
+    let runs = corners
+        .iter()
+        .flat_map(|&corner| speeds.iter().map(move |&speed| (corner, speed)));
+    let strokes = runs.collect::<Vec<_>>().into_par_iter().map(|(corner, speed)| {
+        let mut struck = struck_at(scenario, speed);
+        struck.intruders = deviating(intruders, corner);
+        let options = EnsembleOptions::default().with_strokes();
+        Ok(single(&struck, &options, Accuracy::REFERENCE)?.strokes().to_vec())
+    });
+    let strokes = strokes.collect::<Result<Vec<_>, SimulateError>>()?;
+    let greatest = |host: usize| strokes.iter().map(|of| of[host]).fold(0.0, f64::max);
+    Ok((0..intruders.len()).map(greatest).collect())
+}
+
+/// Returns true if the intruders of an optimum keep their limits with these strokes, m.
+fn keeps_limits(search: &Search, optimum: &Optimum, strokes: &[f64]) -> bool {
+    let springs = optimum.springs.iter().flat_map(|choice| &choice.springs);
+    let mut own = springs.map(|spring| spring.stroke);
+    strokes.iter().all(|&stroke| {
+        let mut limits = search.stroke.into_iter().chain(own.next().flatten());
+        limits.all(|limit| stroke <= limit)
+    })
+}
+
 /// Replaces the best design by a better one.
 fn take(best: &mut TriedDesign, found: TriedDesign) {
-    if found.value < best.value {
+    if found.is_better_than(best) {
         *best = found;
     }
 }
 
-/// Descends from fresh starts about the best design. Returns the number of the last ones that were in vain.
-fn try_elsewhere(problem: &Problem<'_>, best: &mut TriedDesign) -> Result<usize, SimulateError> {
-    let (mut in_vain, mut number) = (0, 0);
-    while in_vain < IN_VAIN && problem.left() > 0 && !problem.stopped.get() {
-        number += 1;
-        let found = problem.descend(problem.restart(best, number), problem.left())?;
-        // A descent whose evaluations were spent had no chance.
-        let settled = found.settled;
-        let gained = found.value < best.value - GAINED;
-        take(best, found);
-        if !settled {
-            break;
+/// The end of a search.
+struct Found {
+    best: TriedDesign,
+    share_alike: f64,
+    /// Number of the last descents that were in vain.
+    in_vain: usize,
+    settled: bool,
+    springs: Option<SpringChoice>,
+}
+
+impl Problem<'_> {
+    /// Descends from fresh starts about the best design. Returns the number of the last ones that were in
+    /// vain.
+    fn try_elsewhere(&self, best: &mut TriedDesign) -> Result<usize, SimulateError> {
+        let (mut in_vain, mut number) = (0, 0);
+        while in_vain < IN_VAIN && self.left() > 0 && !self.stopped.get() {
+            number += 1;
+            let found = self.descend(self.restart(best, number), &[self.bounds], self.left())?;
+            // A descent whose evaluations were spent had no chance.
+            let settled = found.settled;
+            let gained = found.excess < best.excess || found.value < best.value - GAINED;
+            take(best, found);
+            if !settled {
+                break;
+            }
+            in_vain = if gained { 0 } else { in_vain + 1 };
         }
-        in_vain = if gained { 0 } else { in_vain + 1 };
+        Ok(in_vain)
     }
-    Ok(in_vain)
+
+    /// Finds the best design, from `first` too.
+    fn find(&self, first: Option<&[Intruder]>) -> Result<Found, OptimiseError> {
+        let (search, bounds) = (self.search, [self.bounds]);
+        let coarse = self.coarse()?;
+        let alone = search.alike || self.hosts.len() == 1;
+        let most = self.left() / if search.alike { 1 } else { 8 };
+        let mut best = coarse[0].clone();
+        for start in coarse {
+            take(&mut best, self.descend(start, &bounds, most)?);
+        }
+        let share_alike = best.value;
+        if let Some(first) = first {
+            let found = self.descend(self.start_at(first), &bounds, self.left() / 4)?;
+            take(&mut best, found);
+        }
+        if !alone {
+            // A third of what is left is for fresh starts.
+            let starts = self.starts(&best);
+            for (index, start) in starts.iter().enumerate() {
+                let most = self.left() * 2 / 3 / (starts.len() - index);
+                take(&mut best, self.descend(start.clone(), &bounds, most)?);
+            }
+        }
+        let in_vain = self.try_elsewhere(&mut best)?;
+        self.check_strokes(&best)?;
+        let mut found = Found {
+            settled: best.settled && in_vain == IN_VAIN,
+            best,
+            share_alike,
+            in_vain,
+            springs: None,
+        };
+        let usable = search.usable_springs()?;
+        if !usable.is_empty() {
+            self.renew();
+            let chosen = self.choose_springs(&usable, &found.best)?;
+            found.settled &= chosen.settled;
+            found.springs = Some(SpringChoice {
+                springs: chosen.springs,
+                free: self.intruders(&found.best.design),
+                free_share: found.best.value,
+                tried: chosen.tried,
+            });
+            found.best = chosen.best;
+        }
+        Ok(found)
+    }
+
+    /// Refuses a limit on strokes that no design has kept.
+    fn check_strokes(&self, best: &TriedDesign) -> Result<(), OptimiseError> {
+        let Some(limit) = self.search.stroke.filter(|_| best.excess > 0.0) else {
+            return Ok(());
+        };
+        let strokes = strokes_of(&self.bare, self.search, &self.intruders(&best.design))?;
+        let least = strokes.into_iter().fold(0.0, f64::max);
+        let what =
+            format!("no design keeps to {limit:e} m; the least stroke that was reached is {least:.3e} m");
+        let advice = "allow a longer stroke, stiffer springs or stronger dampers";
+        Err(OptimiseError::Search(InputError::at("stroke", what, advice)))
+    }
+
+    /// Runs the best design again, at the reference accuracy.
+    fn optimum(&self, found: Found) -> Result<Optimum, OptimiseError> {
+        let (search, best) = (self.search, found.best);
+        let mut intruders = self.intruders(&best.design);
+        // Take back the rounding that breaks the bound on the sum.
+        let total: f64 = intruders.iter().map(|intruder| intruder.mass).sum();
+        for intruder in &mut intruders {
+            intruder.mass *= (search.total_mass / total).min(1.0);
+        }
+        let mut scenario = self.bare.clone();
+        scenario.intruders.clone_from(&intruders);
+        let strikes = self.strikes(&scenario, Accuracy::REFERENCE)?;
+        let mut longer = scenario.clone();
+        longer.chain.beads = (2 * longer.chain.beads).min(MOST_BEADS);
+        let values = self.values(&scenario)?;
+        let longer = self.values(&longer)?;
+        let parts = |values: &[f64]| -> Vec<f64> {
+            let parts = values.iter().zip(&self.scales);
+            parts.map(|(value, scale)| value / scale).collect()
+        };
+        let shares = parts(&values);
+        let changes = shares.iter().zip(parts(&longer));
+        let far_end = changes
+            .map(|(share, longer)| (share - longer).abs())
+            .fold(0.0, f64::max);
+        Ok(Optimum {
+            strokes: strokes_of(&self.bare, search, &intruders)?,
+            intruders,
+            objective: search.objective,
+            values,
+            without: self.scales.clone(),
+            share: search.aim.of(&shares),
+            strikes,
+            share_searched: best.value,
+            share_alike: found.share_alike,
+            far_end,
+            springs: found.springs,
+            robustness: None,
+            evaluations: self.sofar.get().evaluations,
+            settled: found.settled,
+            descents: self.sofar.get().descents,
+            in_vain: found.in_vain,
+            stopped: self.stopped.get(),
+        })
+    }
 }
 
 /// Finds the best intruders, from `first` too.
@@ -200,83 +384,7 @@ fn best_of(
     first: Option<&[Intruder]>,
     watch: Option<&SearchObserver<'_>>,
 ) -> Result<Optimum, OptimiseError> {
-    let mut hosts = search.hosts.clone();
-    hosts.sort_unstable();
-    let mut bare = scenario.clone();
-    bare.intruders.clear();
-    let speeds = search.strikes(scenario);
-    let scales = speeds.iter().map(|&speed| search.objective.scale(&bare, speed));
-    let scales = scales.collect::<Result<Vec<_>, _>>()?;
-    let problem = Problem {
-        bare,
-        hosts,
-        search,
-        speeds,
-        scales,
-        watch,
-        prefixes: Prefixes::default(),
-        sofar: Cell::default(),
-        stopped: Cell::new(false),
-    };
-    let coarse = problem.coarse()?;
-    let alone = search.alike || problem.hosts.len() == 1;
-    let most = problem.left() / if search.alike { 1 } else { 8 };
-    let mut best = problem.descend(coarse, most)?;
-    let share_alike = best.value;
-    if let Some(first) = first {
-        take(
-            &mut best,
-            problem.descend(problem.start_at(first), problem.left() / 4)?,
-        );
-    }
-    if !alone {
-        // A third of what is left is for fresh starts.
-        let starts = problem.starts(&best);
-        for (index, start) in starts.iter().enumerate() {
-            let most = problem.left() * 2 / 3 / (starts.len() - index);
-            take(&mut best, problem.descend(start.clone(), most)?);
-        }
-    }
-    let in_vain = try_elsewhere(&problem, &mut best)?;
-    let settled = best.settled && in_vain == IN_VAIN;
-
-    let mut intruders = problem.intruders(&best.design);
-    // Take back the rounding that breaks the bound on the sum.
-    let total: f64 = intruders.iter().map(|intruder| intruder.mass).sum();
-    for intruder in &mut intruders {
-        intruder.mass *= (search.total_mass / total).min(1.0);
-    }
-    let mut scenario = problem.bare.clone();
-    scenario.intruders.clone_from(&intruders);
-    let strikes = problem.strikes(&scenario, Accuracy::REFERENCE)?;
-    let mut longer = scenario.clone();
-    longer.chain.beads = (2 * longer.chain.beads).min(MOST_BEADS);
-    let values = problem.values(&scenario)?;
-    let longer = problem.values(&longer)?;
-    let parts = |values: &[f64]| -> Vec<f64> {
-        let parts = values.iter().zip(&problem.scales);
-        parts.map(|(value, scale)| value / scale).collect()
-    };
-    let shares = parts(&values);
-    let changes = shares.iter().zip(parts(&longer));
-    let far_end = changes
-        .map(|(share, longer)| (share - longer).abs())
-        .fold(0.0, f64::max);
-    Ok(Optimum {
-        intruders,
-        objective: search.objective,
-        values,
-        without: problem.scales.clone(),
-        share: search.aim.of(&shares),
-        strikes,
-        share_searched: best.value,
-        share_alike,
-        far_end,
-        robustness: None,
-        evaluations: problem.sofar.get().evaluations,
-        settled,
-        descents: problem.sofar.get().descents,
-        in_vain,
-        stopped: problem.stopped.get(),
-    })
+    let problem = Problem::new(scenario, search, watch)?;
+    let found = problem.find(first)?;
+    problem.optimum(found)
 }

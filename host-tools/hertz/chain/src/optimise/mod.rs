@@ -14,20 +14,31 @@
 //! or fall along the hosts by `RAMP`, and from fresh starts about the best, until three in succession find
 //! nothing better. Derivatives are differences of runs to either side, all in one
 //! [`ensemble`](crate::ensemble()), whose shares are smooth to some 1e-7: over two steps of `STEP` this is
-//! 3e-5 of a derivative. A descent is Kraft's SLSQP, restarted at its end until that gains nothing.
+//! 3e-5 of a derivative. Exact [tangents](crate::tangents) take ten times as long: by 30 variables of ten
+//! hosts in 60 beads, 86 ms of a core at draft accuracy, where the ensemble's 61 runs take 7.5 ms. A descent
+//! is Kraft's SLSQP, restarted at its end until that gains nothing.
+//!
+//! Limits on strokes are constraints of the descents, on the logarithm of each stroke over its limit. A
+//! design that breaks one is worse than any that breaks none. Choices of springs and hosts are exchanged one
+//! by one, each with descents of its own.
 //!
 //! A robust design is one whose worst value over the corners of a [`Spread`] is least. Its search begins at
 //! the optimum without the spread, too, and does not end above the worst value of that unless it is stopped.
 
+mod catalogue;
 mod descent;
 mod error;
 mod find;
+mod hosts;
 mod objective;
 mod problem;
 mod remaining;
 mod search;
 mod spread;
+mod springs;
+mod variables;
 
+pub use catalogue::{Catalogue, CatalogueSpring};
 pub use error::OptimiseError;
 pub use find::{Optimum, Robustness, optimise};
 pub use objective::Objective;
@@ -35,3 +46,4 @@ pub use problem::{SearchObserver, SearchProgress};
 pub use remaining::{Remaining, remaining};
 pub use search::{Aim, Search};
 pub use spread::Spread;
+pub use springs::SpringChoice;

@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::error::OptimiseError;
 use super::remaining::{given, struck_at};
-use crate::ensemble::{EnsembleOutcome, single};
+use crate::ensemble::{EnsembleOptions, EnsembleOutcome, single};
 use crate::model::Model;
 use crate::options::{Accuracy, SimulateError};
 use crate::scenario::{InputError, Scenario};
@@ -41,7 +41,7 @@ impl Objective {
     pub fn at(self, scenario: &Scenario, speed: f64, accuracy: Accuracy) -> Result<f64, SimulateError> {
         self.check(scenario)?;
         let struck = struck_at(scenario, speed);
-        let outcome = single(&struck, &self.peaks(), accuracy)?;
+        let outcome = self.end_of(&struck, accuracy)?;
         Ok(self.of(&struck, &outcome)?)
     }
 
@@ -53,6 +53,12 @@ impl Objective {
             Self::EnergyBehind(_) => "J",
             Self::Impulse(_) => "N·s",
         }
+    }
+
+    /// Runs a strike by itself.
+    fn end_of(self, struck: &Scenario, accuracy: Accuracy) -> Result<EnsembleOutcome, SimulateError> {
+        let peaks = self.peaks();
+        single(struck, &EnsembleOptions::default().with_peaks(&peaks), accuracy)
     }
 
     /// The contacts whose greatest force it needs.
@@ -83,7 +89,7 @@ impl Objective {
             return Ok(1.0);
         }
         let struck = struck_at(bare, speed);
-        let outcome = single(&struck, &self.peaks(), Accuracy::DRAFT)?;
+        let outcome = self.end_of(&struck, Accuracy::DRAFT)?;
         let value = self.of(&struck, &outcome)?;
         let rises = outcome.peaks().iter().any(|peak| peak.time >= outcome.time());
         if value > 0.0 && !rises {

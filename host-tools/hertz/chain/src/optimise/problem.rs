@@ -5,9 +5,11 @@ use std::ops::ControlFlow;
 
 use rayon::prelude::*;
 
+use super::error::OptimiseError;
 use super::remaining::{Remaining, remaining, struck_at};
 use super::search::{COARSE, Search};
 use super::spread::deviating;
+use super::variables::{Bounds, excess};
 use crate::ensemble::{EnsembleOptions, Prefixes, ensemble_on};
 use crate::scenario::{Intruder, Scenario};
 use crate::simulate::{Accuracy, SimulateError};
@@ -37,13 +39,43 @@ pub(super) struct TriedDesign {
     /// One entry for each host, or one for all.
     pub(super) design: Vec<Properties>,
     pub(super) value: f64,
+    /// Greatest overreach of its strokes; 0 if they keep their limits.
+    pub(super) excess: f64,
     pub(super) settled: bool,
+}
+
+impl TriedDesign {
+    /// A design that has not been tried.
+    pub(super) fn untried(design: Vec<Properties>) -> Self {
+        Self {
+            design,
+            value: f64::INFINITY,
+            excess: f64::INFINITY,
+            settled: false,
+        }
+    }
+
+    /// Compares two designs: limits on strokes go before the objective.
+    pub(super) fn is_better_than(&self, other: &Self) -> bool {
+        self.excess < other.excess || (self.excess == other.excess && self.value < other.value)
+    }
+}
+
+/// Values of a design, corner of the spread by corner, and for each at every speed.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct DesignValues {
+    /// The objective as a part of that without intruders.
+    pub(super) shares: Vec<f64>,
+    /// The stroke of each host, m, if strokes have a limit.
+    pub(super) strokes: Vec<f64>,
 }
 
 /// Stiffnesses of a ramp go from 1/RAMP at one end of the hosts to RAMP at the other.
 const RAMP: f64 = 4.0;
 /// Factors by which fresh starts differ from the best design, in turn: small, for a valley left too early.
 const APART: [f64; 3] = [1.3, 2.0, 4.0];
+/// Gradients in vain after which a descent of a limited search ends: it can wander without an end.
+const PATIENCE: usize = 30;
 /// Bodies of the chains computed at once, between checks for a stop: 80 MB.
 const TOGETHER: usize = 1 << 19;
 /// Least designs computed at once, for any length of chain: enough to share the wave's way to the first host.
@@ -53,9 +85,15 @@ pub(super) struct Problem<'a> {
     pub(super) bare: Scenario,
     pub(super) hosts: Vec<usize>,
     pub(super) search: &'a Search,
+    /// Bounds of every intruder.
+    pub(super) bounds: Bounds,
+    /// Gradients in vain after which a descent ends.
+    pub(super) patience: usize,
     pub(super) speeds: Vec<f64>,
     /// The objective's value at each speed without intruders.
     pub(super) scales: Vec<f64>,
+    /// Most evaluations.
+    pub(super) most: Cell<usize>,
     pub(super) watch: Option<&'a SearchObserver<'a>>,
     /// Motion that designs have in common.
     pub(super) prefixes: Prefixes,
@@ -65,6 +103,55 @@ pub(super) struct Problem<'a> {
     pub(super) stopped: Cell<bool>,
 }
 
+impl<'a> Problem<'a> {
+    /// The problem of this search, and the objective's values without intruders.
+    pub(super) fn new(
+        scenario: &Scenario,
+        search: &'a Search,
+        watch: Option<&'a SearchObserver<'a>>,
+    ) -> Result<Self, OptimiseError> {
+        let mut hosts = search.hosts.clone();
+        hosts.sort_unstable();
+        let mut bare = scenario.clone();
+        bare.intruders.clear();
+        let speeds = search.strikes(scenario);
+        let scales = speeds.iter().map(|&speed| search.objective.scale(&bare, speed));
+        let scales = scales.collect::<Result<Vec<_>, _>>()?;
+        Ok(Self {
+            bare,
+            hosts,
+            search,
+            bounds: Bounds::of(search),
+            patience: if search.is_limited() { PATIENCE } else { usize::MAX },
+            most: Cell::new(search.evaluations),
+            speeds,
+            scales,
+            watch,
+            prefixes: Prefixes::default(),
+            sofar: Cell::default(),
+            stopped: Cell::new(false),
+        })
+    }
+
+    /// The problem of another search of the same strikes, as far as this one has come.
+    pub(super) fn on<'b>(&'b self, search: &'b Search) -> Problem<'b> {
+        Problem {
+            bare: self.bare.clone(),
+            hosts: search.hosts.clone(),
+            search,
+            bounds: self.bounds,
+            patience: self.patience,
+            speeds: self.speeds.clone(),
+            scales: self.scales.clone(),
+            most: self.most.clone(),
+            watch: self.watch,
+            prefixes: Prefixes::default(),
+            sofar: self.sofar.clone(),
+            stopped: self.stopped.clone(),
+        }
+    }
+}
+
 impl Problem<'_> {
     /// Returns the intruders of a design, all alike if it has one entry.
     pub(super) fn intruders(&self, design: &[Properties]) -> Vec<Intruder> {
@@ -72,7 +159,7 @@ impl Problem<'_> {
             beads: vec![bead],
             mass,
             stiffness,
-            damping: self.search.damping_of([mass, stiffness, damping]),
+            damping,
             cubic_stiffness: 0.0,
         };
         let hosts = self.hosts.iter().zip(design.iter().cycle());
@@ -100,12 +187,17 @@ impl Problem<'_> {
             .collect()
     }
 
-    /// Returns the objective's value at each corner of the spread and each speed for each design, as a part
-    /// of that without intruders; of the designs tried before the search was asked to stop.
-    pub(super) fn shares(&self, designs: &[Vec<Properties>]) -> Result<Vec<Vec<f64>>, SimulateError> {
+    /// Tries designs, and finds their strokes if wanted. Returns the values of those tried before the search
+    /// was asked to stop.
+    pub(super) fn try_designs(
+        &self,
+        designs: &[Vec<Properties>],
+        strokes: bool,
+    ) -> Result<Vec<DesignValues>, SimulateError> {
         let objective = self.search.objective;
         let peaks = objective.peaks();
-        let options = EnsembleOptions::default().with_peaks(&peaks);
+        let mut options = EnsembleOptions::default().with_peaks(&peaks);
+        options.strokes = strokes;
         let corners = self.search.spread.corners();
         let runs = corners.len() * self.speeds.len();
         let bodies = runs * (self.bare.chain.beads + 1);
@@ -127,15 +219,19 @@ impl Problem<'_> {
             }
             let outcomes = ensemble_on(&scenarios, &options, &self.prefixes);
             let strikes = scenarios.iter().zip(self.scales.iter().cycle());
-            let shares = outcomes
+            let ends = outcomes
                 .into_iter()
                 .zip(strikes)
                 .map(|(outcome, (struck, scale))| {
-                    let value = objective.of(struck, &outcome?)?;
-                    Ok(value / scale)
+                    let outcome = outcome?;
+                    let value = objective.of(struck, &outcome)?;
+                    Ok((value / scale, outcome.strokes().to_vec()))
                 });
-            let shares = shares.collect::<Result<Vec<f64>, SimulateError>>()?;
-            found.extend(shares.chunks(runs).map(<[f64]>::to_vec));
+            let ends = ends.collect::<Result<Vec<(f64, Vec<f64>)>, SimulateError>>()?;
+            found.extend(ends.chunks(runs).map(|ends| DesignValues {
+                shares: ends.iter().map(|(share, _)| *share).collect(),
+                strokes: ends.iter().flat_map(|(_, strokes)| strokes).copied().collect(),
+            }));
             let mut sofar = self.sofar.get();
             sofar.evaluations += designs.len();
             self.tell(sofar);
@@ -146,7 +242,26 @@ impl Problem<'_> {
     /// Number of evaluations left.
     pub(super) fn left(&self) -> usize {
         let made = self.sofar.get().evaluations;
-        self.search.evaluations.saturating_sub(made)
+        self.most.get().saturating_sub(made)
+    }
+
+    /// Allows as many evaluations again as the search has.
+    pub(super) fn renew(&self) {
+        self.most
+            .set(self.sofar.get().evaluations + self.search.evaluations);
+    }
+
+    /// Tries one design; `None` if the search was stopped.
+    pub(super) fn tried(&self, design: Vec<Properties>) -> Result<Option<TriedDesign>, SimulateError> {
+        let strokes = self.bounds.stroke.is_finite();
+        let values = self.try_designs(std::slice::from_ref(&design), strokes)?;
+        let bounds = [self.bounds];
+        Ok(values.first().map(|values| TriedDesign {
+            design,
+            value: self.search.value(&values.shares),
+            excess: excess(values, &bounds),
+            settled: false,
+        }))
     }
 
     /// Reports the progress of the search, and notes a request to stop.
@@ -159,17 +274,18 @@ impl Problem<'_> {
         }
     }
 
-    /// Notes the share of a design if it is the best so far.
-    pub(super) fn note(&self, share: f64) {
+    /// Notes the share of a design if it is the best so far of those that keep their limits.
+    pub(super) fn note(&self, share: f64, excess: f64) {
         let mut sofar = self.sofar.get();
-        if sofar.best.is_none_or(|best| share < best) {
+        if excess == 0.0 && sofar.best.is_none_or(|best| share < best) {
             sofar.best = Some(share);
             self.sofar.set(sofar);
         }
     }
 
-    /// Returns the best of a grid of designs with alike intruders, or of the part tried before a stop.
-    pub(super) fn coarse(&self) -> Result<TriedDesign, SimulateError> {
+    /// Returns the best of a grid of designs with alike intruders, or of the part tried before a stop. If its
+    /// strokes are what makes it the best, the one of least value follows.
+    pub(super) fn coarse(&self) -> Result<Vec<TriedDesign>, SimulateError> {
         let search = self.search;
         let [masses, stiffnesses, dampings] = COARSE;
         let dampings = if search.loss_factor.is_some() { 1 } else { dampings };
@@ -182,31 +298,39 @@ impl Problem<'_> {
             let (i, rest) = (index / (stiffnesses * dampings), index % (stiffnesses * dampings));
             let mass = (heaviest * 0.5f64.powi(i as i32)).max(search.mass[0]);
             let stiffness = inside(search.stiffness, rest / dampings, stiffnesses);
-            vec![[mass, stiffness, inside(search.damping, rest % dampings, dampings)]]
+            let damping = inside(search.damping, rest % dampings, dampings);
+            vec![self.bounds.tied([mass, stiffness, damping])]
         };
         let designs: Vec<_> = (0..masses * stiffnesses * dampings).map(point).collect();
-        let shares = self.shares(&designs)?;
-        let values: Vec<f64> = shares.iter().map(|shares| self.search.value(shares)).collect();
-        let best = (0..values.len())
-            .min_by(|&a, &b| values[a].total_cmp(&values[b]))
-            .expect("the first designs are tried before anybody can stop the search");
-        self.note(values[best]);
-        Ok(TriedDesign {
-            design: designs[best].clone(),
-            value: values[best],
+        let bounds = [self.bounds];
+        let tried = self.try_designs(&designs, self.bounds.stroke.is_finite())?;
+        let tried = tried.iter().zip(designs).map(|(values, design)| TriedDesign {
+            design,
+            value: search.value(&values.shares),
+            excess: excess(values, &bounds),
             settled: false,
-        })
+        });
+        let tried: Vec<TriedDesign> = tried.collect();
+        let least = |of: fn(&TriedDesign) -> (f64, f64)| {
+            let compare = |a: &&TriedDesign, b: &&TriedDesign| {
+                let (a, b) = (of(a), of(b));
+                a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1))
+            };
+            let least = tried.iter().min_by(compare);
+            least.expect("the first designs are tried before anybody can stop the search")
+        };
+        let best = least(|one| (one.excess, one.value));
+        self.note(best.value, best.excess);
+        let lowest = least(|one| (one.value, one.excess));
+        let starts = [Some(best), (lowest.value < best.value).then_some(lowest)];
+        Ok(starts.into_iter().flatten().cloned().collect())
     }
 
     /// Returns the design of these intruders.
     pub(super) fn start_at(&self, intruders: &[Intruder]) -> TriedDesign {
         let entries = if self.search.alike { 1 } else { intruders.len() };
         let of = |intruder: &Intruder| [intruder.mass, intruder.stiffness, intruder.damping];
-        TriedDesign {
-            design: intruders[..entries].iter().map(of).collect(),
-            value: f64::INFINITY,
-            settled: false,
-        }
+        TriedDesign::untried(intruders[..entries].iter().map(of).collect())
     }
 
     /// Returns the designs from which each intruder varies by itself.
@@ -217,11 +341,11 @@ impl Problem<'_> {
         let start = |slope: f64| {
             let ramp = |index: usize| RAMP.powf(slope * (index as f64 - middle) / middle);
             let of_host = |index| [mass, (stiffness * ramp(index)).clamp(low, high), damping];
-            TriedDesign {
-                design: (0..self.hosts.len()).map(of_host).collect(),
-                value: if slope == 0.0 { alike.value } else { f64::INFINITY },
-                settled: false,
+            let mut start = TriedDesign::untried((0..self.hosts.len()).map(of_host).collect());
+            if slope == 0.0 {
+                (start.value, start.excess) = (alike.value, alike.excess);
             }
+            start
         };
         [0.0, 1.0, -1.0].map(start).into()
     }
@@ -244,10 +368,6 @@ impl Problem<'_> {
         let total = each as f64 * design.iter().map(|[mass, ..]| mass).sum::<f64>();
         let most = (self.search.total_mass / total).min(1.0);
         design.iter_mut().for_each(|[mass, ..]| *mass *= most);
-        TriedDesign {
-            design,
-            value: f64::INFINITY,
-            settled: false,
-        }
+        TriedDesign::untried(design)
     }
 }

@@ -2,10 +2,12 @@
 
 use serde::Serialize;
 
+use super::catalogue::{Catalogue, CatalogueSpring};
 use super::error::OptimiseError;
 use super::objective::Objective;
 use super::remaining::{needs_strike, struck_at};
 use super::spread::Spread;
+use super::variables::Bounds;
 use crate::model::Model;
 use crate::run::Run;
 use crate::scenario::{InputError, Intruder, Scenario, TableCheck, ValueRange};
@@ -28,6 +30,13 @@ pub struct Search {
     /// Loss factor η = c / √(k m) of all intruders: it ties the damping to mass and stiffness, as one
     /// material for all springs does. [`Search::damping`] counts for nothing then.
     pub loss_factor: Option<f64>,
+    /// Greatest displacement |x| of an intruder from rest in its host, m, at any strike and corner of the
+    /// spread; none if any is allowed.
+    pub stroke: Option<f64>,
+    /// Springs to choose from. Each intruder has one of those within the bounds.
+    pub catalogue: Option<Catalogue>,
+    /// Most of the hosts that hold an intruder; without it, all do.
+    pub hosts_at_most: Option<usize>,
     /// The quantity of each strike to be made small.
     pub objective: Objective,
     /// Speeds of the striker, m/s; without any, the scenario's own.
@@ -38,8 +47,8 @@ pub struct Search {
     pub spread: Spread,
     /// True if all intruders are to be alike.
     pub alike: bool,
-    /// Most designs to try, each at every speed and corner of the spread; with a spread, as many before for
-    /// the optimum without it.
+    /// Most designs to try, each at every speed and corner of the spread. A spread allows as many before for
+    /// the optimum without it, a choice of hosts as many for that, and a catalogue for the choice of springs.
     pub evaluations: usize,
 }
 
@@ -87,6 +96,9 @@ impl Search {
             hosts,
             total_mass,
             loss_factor: None,
+            stroke: None,
+            catalogue: None,
+            hosts_at_most: None,
             objective: Objective::default(),
             speeds: Vec::new(),
             aim: Aim::default(),
@@ -103,6 +115,11 @@ impl Search {
         } else {
             self.speeds.clone()
         }
+    }
+
+    /// Returns true if designs have limits beyond the bounds of each value.
+    pub(super) fn is_limited(&self) -> bool {
+        self.stroke.is_some() || self.catalogue.is_some() || self.hosts_at_most.is_some()
     }
 
     /// The values of which a search makes the greatest small, given those of all strikes at one corner of the
@@ -123,12 +140,6 @@ impl Search {
         Aim::Worst.of(&self.parts(shares))
     }
 
-    /// The damping, N·s/m, of an intruder that the search has given this mass, stiffness and damping.
-    pub(super) fn damping_of(&self, [mass, stiffness, damping]: [f64; 3]) -> f64 {
-        self.loss_factor
-            .map_or(damping, |factor| factor * (stiffness * mass).sqrt())
-    }
-
     /// Checks that a search can use these options, as [`optimise`](crate::optimise()) does first.
     ///
     /// # Errors
@@ -138,13 +149,21 @@ impl Search {
         needs_strike(scenario)?;
         self.check_values(scenario)
             .and_then(|()| self.check_rates(scenario))
-            .map_err(OptimiseError::Search)
+            .map_err(OptimiseError::Search)?;
+        self.usable_springs().map(|_| ())
+    }
+
+    /// The springs of the catalogue that are within the bounds; none without a catalogue.
+    pub(super) fn usable_springs(&self) -> Result<Vec<&CatalogueSpring>, OptimiseError> {
+        let bounds = [self.mass, self.stiffness, self.damping];
+        let springs = self.catalogue.as_ref().map(|catalogue| catalogue.within(bounds));
+        springs.unwrap_or_else(|| Ok(Vec::new()))
     }
 
     /// Refuses bounds with intruders of which no run would end, since the run would blame such an intruder.
     fn check_rates(&self, scenario: &Scenario) -> Result<(), InputError> {
         let (mass, stiffness, damping) = (self.mass, self.stiffness, self.damping);
-        let tied = |mass, stiffness| [mass, stiffness, self.damping_of([mass, stiffness, damping[1]])];
+        let tied = |mass, stiffness| Bounds::of(self).tied([mass, stiffness, damping[1]]);
         let strongest = match self.loss_factor {
             Some(factor) => ("loss_factor", factor, tied(mass[1], stiffness[1])),
             None => ("damping", damping[1], tied(mass[1], stiffness[0])),
@@ -218,6 +237,17 @@ impl Search {
                 format!("{count} hosts of at least {least} kg are more than the total mass of {total} kg");
             return Err(InputError::at("mass", what, "let the least mass be less"));
         }
+        if self.hosts_at_most == Some(0) {
+            let advice = "give a number from 1 on, or leave it out";
+            return Err(InputError::at(
+                "hosts_at_most",
+                "0 hosts hold no intruder",
+                advice,
+            ));
+        }
+        if let Some(stroke) = self.stroke {
+            TableCheck::of("").check("stroke", stroke, ValueRange::Positive("m, such as 2e-5"))?;
+        }
         for &speed in &self.speeds {
             TableCheck::of("").check("speeds", speed, ValueRange::Positive("m/s, such as 0.45"))?;
         }
@@ -233,7 +263,7 @@ impl Search {
 
 /// Greatest loss factor of a search: a damper a thousand times as stiff as its spring holds the intruder
 /// fast.
-const LOSS_FACTOR_MOST: f64 = 1e3;
+pub(super) const LOSS_FACTOR_MOST: f64 = 1e3;
 /// Points of the coarse grid in mass, stiffness, damping.
 pub(super) const COARSE: [usize; 3] = [2, 9, 7];
 

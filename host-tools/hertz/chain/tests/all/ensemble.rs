@@ -220,6 +220,25 @@ fn the_greatest_forces_of_chosen_contacts_are_those_of_a_single_run() {
 }
 
 #[test]
+fn the_strokes_of_intruders_are_those_of_a_single_run() {
+    let mut scenarios = of_every_kind();
+    let mut draw = Draw(0x1111_2222_3333_4444);
+    scenarios.extend((0..30).map(|_| draw.like_the_paper()));
+    let options = EnsembleOptions::default().with_strokes();
+    for (scenario, outcome) in scenarios.iter().zip(ensemble(&scenarios, &options)) {
+        let outcome = outcome.expect("the scenario runs");
+        let summary = exactly(scenario).summary();
+        assert_eq!(outcome.strokes().len(), summary.intruders.len());
+        // Strokes are some micrometres; an intruder that hardly moves errs as the wave does.
+        let wave = scenario.striker.velocity * 1e-5;
+        for (stroke, intruder) in outcome.strokes().iter().zip(summary.intruders) {
+            let exact = intruder.relative_displacement_max;
+            close(*stroke, exact, 1e-6 * exact.max(wave));
+        }
+    }
+}
+
+#[test]
 fn a_scenario_that_cannot_run_leaves_the_others_alone() {
     let mut scenarios = vec![Scenario::paper(); 4];
     scenarios[2].chain.radius = -1.0;

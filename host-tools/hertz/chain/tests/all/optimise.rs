@@ -6,8 +6,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use crate::common::{close, elastic, run, softer};
 use hertz_chain::{
-    Accuracy, Aim, Drive, DriveQuantity, Intruder, Objective, OptimiseError, Optimum, Scenario, Search,
-    SearchProgress, Spread, Start, optimise, remaining,
+    Accuracy, Aim, Catalogue, Drive, DriveQuantity, Intruder, Objective, OptimiseError, Optimum, Oscillator,
+    Scenario, Search, SearchProgress, Spread, Start, optimise, remaining,
 };
 
 /// A strike on twenty elastic beads, over before the wave has reached the last.
@@ -477,5 +477,258 @@ fn a_robust_design_is_worse_where_nothing_deviates_and_better_at_the_worst() {
         "{} {}",
         found.share,
         plain.share
+    );
+}
+
+#[test]
+fn a_limit_on_strokes_is_kept_and_binds_where_the_free_optimum_is_beyond_it() {
+    let mut search = search(&[7, 8], 0.02);
+    search.speeds = vec![0.3, 0.6];
+    search.spread = Spread::new(0.1, 0.2);
+    let free = best(&search);
+    let longest = |optimum: &Optimum| {
+        let mut longest = 0.0_f64;
+        for speed in [0.3, 0.6] {
+            for [k, c] in [[0.9, 0.8], [0.9, 1.2], [1.1, 0.8], [1.1, 1.2]] {
+                let mut scenario = optimum.scenario(&strike());
+                // The wave comes as far at any speed.
+                scenario.duration *= (scenario.striker.velocity / speed).powf(0.2);
+                scenario.striker.velocity = speed;
+                for intruder in &mut scenario.intruders {
+                    intruder.stiffness *= k;
+                    intruder.damping *= c;
+                }
+                let intruders = run(&scenario).summary().intruders;
+                let strokes = intruders.iter().map(|one| one.relative_displacement_max);
+                longest = strokes.fold(longest, f64::max);
+            }
+        }
+        longest
+    };
+    let greatest = |optimum: &Optimum| optimum.strokes.iter().copied().fold(0.0, f64::max);
+    close(longest(&free), greatest(&free), 1e-8 * greatest(&free));
+    let mut plain = free.clone();
+    let robustness = free.robustness.as_ref().expect("a spread was stated");
+    plain.intruders.clone_from(&robustness.plain);
+    let plain_strokes = robustness.plain_strokes.iter().copied().fold(0.0, f64::max);
+    close(longest(&plain), plain_strokes, 1e-8 * plain_strokes);
+    search.stroke = Some(0.5 * greatest(&free));
+    let short = best(&search);
+    assert!(short.settled);
+    close(longest(&short), greatest(&short), 1e-8 * greatest(&short));
+    // The search keeps a margin of 1e-5 for the error of an ensemble.
+    let part = longest(&short) / search.stroke.expect("it is set");
+    assert!(part <= 1.0 && part > 1.0 - 2e-5, "{part}");
+    println!(
+        "{} free, {} short, {}",
+        free.share_searched,
+        short.share_searched,
+        greatest(&free)
+    );
+    assert!(short.share_searched > free.share_searched + 1e-3);
+    // A limit beyond the free strokes changes nothing that matters.
+    search.stroke = Some(1.5 * greatest(&free));
+    close(best(&search).share_searched, free.share_searched, 1e-6);
+}
+
+#[test]
+fn a_stroke_that_no_design_keeps_to_is_refused_with_the_least_that_was_reached() {
+    let mut search = search(&[7], 0.02);
+    search.stroke = Some(1e-9);
+    let error = optimise(&strike(), &search, None).expect_err("it cannot be kept");
+    let text = error.to_string();
+    assert!(text.starts_with("stroke: no design keeps to 1e-9 m; "), "{text}");
+    // The stiffest spring, the strongest damper and the least mass move least.
+    let mut stiffest = strike();
+    let oscillator = Oscillator {
+        mass: search.mass[0],
+        stiffness: search.stiffness[1],
+        damping: search.damping[1],
+    };
+    stiffest.intruders = vec![Intruder::new([7], oscillator)];
+    let least = run(&stiffest).summary().intruders[0].relative_displacement_max;
+    assert!(
+        text.contains(&format!("reached is {least:.3e} m")),
+        "{least:e} {text}"
+    );
+}
+
+#[test]
+fn the_springs_chosen_are_the_best_of_all_choices() {
+    // Intruders that are sold as a whole leave nothing to be searched but the choice.
+    let stiffnesses: Vec<f64> = (0..9).map(|n| 4e4 * 1.5_f64.powi(n)).collect();
+    let (mass, factor) = (6e-3, 0.15);
+    let spring = |stiffness: &f64| {
+        let name = format!("{:.0} kN/m", stiffness / 1e3);
+        format!(
+            "[[spring]]\nname = '{name}'\nstiffness = {stiffness:?}\nmass = {mass:?}\nloss_factor = {factor:?}\n"
+        )
+    };
+    // The order in the file does not matter.
+    let text: String = stiffnesses.iter().rev().map(spring).collect();
+    let mut search = search(&[7, 8, 9], 0.018);
+    search.catalogue = Some(Catalogue::from_toml(&text, "springs.toml").expect("it is a catalogue"));
+    let found = best(&search);
+    let mut least = (f64::INFINITY, Vec::new());
+    for choice in 0..stiffnesses.len().pow(3) {
+        let places = [choice % 9, choice / 9 % 9, choice / 81];
+        let mut scenario = strike();
+        let hosted = places.iter().zip(7..);
+        let intruder = |(&place, bead): (&usize, usize)| {
+            let stiffness = stiffnesses[place];
+            let damping = factor * (stiffness * mass).sqrt();
+            let oscillator = Oscillator {
+                mass,
+                stiffness,
+                damping,
+            };
+            Intruder::new([bead], oscillator)
+        };
+        scenario.intruders = hosted.map(intruder).collect();
+        let share = draft(&scenario, 0.45);
+        if share < least.0 {
+            least = (share, scenario.intruders);
+        }
+    }
+    let springs = found.springs.as_ref().expect("a catalogue was given");
+    println!(
+        "{} {:?} of {}, free {}",
+        found.share, springs.springs, springs.tried, springs.free_share
+    );
+    close(found.share, least.0, 1e-7);
+    for (one, other) in found.intruders.iter().zip(&least.1) {
+        assert_eq!(one.stiffness, other.stiffness);
+    }
+    assert!(found.settled && springs.free_share < found.share && springs.tried < 300);
+}
+
+#[test]
+fn masses_and_dampings_are_free_where_the_catalogue_leaves_them_so() {
+    let text = "[[spring]]\nname = 'soft'\nstiffness = 1.2e5\n\
+                [[spring]]\nname = 'short'\nstiffness = 2.5e5\nstroke = 1e-8\n\
+                [[spring]]\nname = 'stiff'\nstiffness = 5e5\n\
+                [[spring]]\nname = 'beyond'\nstiffness = 1e12\n";
+    let mut search = search(&[7, 8], 0.02);
+    search.catalogue = Some(Catalogue::from_toml(text, "springs.toml").expect("it is a catalogue"));
+    let found = best(&search);
+    let springs = found.springs.as_ref().expect("a catalogue was given");
+    // Of the four choices without the spring that is too short, the one whose own search leaves least.
+    let of = |[one, other]: [f64; 2]| {
+        let mut scenario = strike();
+        scenario.intruders.clone_from(&found.intruders);
+        scenario.intruders[0].stiffness = one;
+        scenario.intruders[1].stiffness = other;
+        draft(&scenario, 0.45)
+    };
+    let stiffnesses = [found.intruders[0].stiffness, found.intruders[1].stiffness];
+    assert!(
+        stiffnesses
+            .iter()
+            .all(|stiffness| [1.2e5, 5e5].contains(stiffness)),
+        "{stiffnesses:?}"
+    );
+    for one in [1.2e5, 5e5] {
+        for other in [1.2e5, 5e5] {
+            assert!(of([one, other]) >= found.share - 1e-6);
+        }
+    }
+    // Nothing better is near in mass or damping.
+    for (mass, damping) in [(1.01, 1.0), (0.99, 1.0), (1.0, 1.02), (1.0, 0.98)] {
+        let mut scenario = found.scenario(&strike());
+        let total: f64 = scenario.intruders.iter().map(|one| one.mass).sum();
+        scenario.intruders[0].mass *= mass;
+        scenario.intruders[1].mass = total - scenario.intruders[0].mass;
+        scenario.intruders[1].damping *= damping;
+        assert!(draft(&scenario, 0.45) > found.share);
+    }
+    assert!(springs.free_share < found.share_searched && found.share < 0.9);
+}
+
+#[test]
+fn the_hosts_chosen_are_the_best_of_all_choices() {
+    let mut search = search(&[9, 5, 6, 7, 8], 0.03);
+    search.hosts_at_most = Some(3);
+    let found = best(&search);
+    let of = |optimum: &Optimum| -> Vec<usize> {
+        let beads = optimum.intruders.iter().flat_map(|one| one.beads.clone());
+        beads.collect()
+    };
+    let mut least: Option<Optimum> = None;
+    for choice in 0_u32..1 << 5 {
+        if choice.count_ones() != 3 {
+            continue;
+        }
+        search.hosts = (5..=9).filter(|bead| choice >> (bead - 5) & 1 == 1).collect();
+        let three = best(&search);
+        println!("{:?} {}", search.hosts, three.share);
+        if least.as_ref().is_none_or(|least| three.share < least.share) {
+            least = Some(three);
+        }
+    }
+    let least = least.expect("there are choices");
+    println!(
+        "{:?} {} of {}, {:?} {}",
+        of(&found),
+        found.share,
+        found.evaluations,
+        of(&least),
+        least.share
+    );
+    assert_eq!(of(&found), of(&least));
+    close(found.share, least.share, 1e-6);
+    assert!(found.settled);
+}
+
+#[test]
+fn a_catalogue_that_is_none_is_refused_in_one_line() {
+    let spring = |rest: &str| format!("[[spring]]\nname = 'a'\n{rest}");
+    for (text, part) in [
+        (
+            "# nothing".to_owned(),
+            "c.toml:1: no spring is in it; add a [[spring]]",
+        ),
+        (spring(""), "the key `stiffness` is missing"),
+        (
+            spring("stiffness = -1.0"),
+            "c.toml:3: spring[1].stiffness: -1 is not a positive number",
+        ),
+        (
+            spring("stiffness = 1e5\nstrike = 1e-5"),
+            "c.toml:4: spring[1].strike: unknown key",
+        ),
+        (
+            spring("stiffness = 1e5\nloss_factor = 2e3"),
+            "spring[1].loss_factor: 2000 is no loss factor",
+        ),
+        (
+            spring("stiffness = 1e5\nloss_factor = 0.1\ndamping = 1.0"),
+            "spring[1].loss_factor: a spring has a damping or a loss factor",
+        ),
+        (
+            spring("stiffness = 1e5\n").repeat(2),
+            "c.toml:5: spring[2].name: \"a\" is no name of its own",
+        ),
+    ] {
+        let text = Catalogue::from_toml(&text, "c.toml")
+            .expect_err("it is no catalogue")
+            .to_string();
+        assert!(text.contains(part) && text.lines().count() == 1, "{text}");
+    }
+    let mut search = search(&[7, 8], 0.02);
+    let soft = Catalogue::from_toml(&spring("stiffness = 1.0"), "c.toml").expect("it is a catalogue");
+    search.catalogue = Some(soft);
+    let error = optimise(&strike(), &search, None).expect_err("it is too soft");
+    assert!(
+        error
+            .to_string()
+            .starts_with("catalogue: none of its 1 springs is within the bounds: ")
+    );
+    let heavy = spring("stiffness = 1e5\nmass = 0.015");
+    search.catalogue = Some(Catalogue::from_toml(&heavy, "c.toml").expect("it is a catalogue"));
+    let error = optimise(&strike(), &search, None).expect_err("two of it are too heavy");
+    assert!(
+        error
+            .to_string()
+            .starts_with("catalogue: no choice of its springs was found that keeps")
     );
 }

@@ -1,0 +1,149 @@
+//! Catalogues of springs that can be bought.
+
+use std::collections::HashSet;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use super::error::OptimiseError;
+use super::search::LOSS_FACTOR_MOST;
+use crate::scenario::{InputError, TableCheck, TomlFile, ValueRange, read_text};
+
+/// A spring that can be bought, or an intruder that is sold as a whole.
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[non_exhaustive]
+pub struct CatalogueSpring {
+    /// Name or order number.
+    pub name: String,
+    /// Stiffness, N/m.
+    pub stiffness: f64,
+    /// Damping, N·s/m, of a spring that has one of its own. Without it and a loss factor, the damping is
+    /// searched.
+    #[serde(default)]
+    pub damping: Option<f64>,
+    /// Loss factor η = c / √(k m) of its material.
+    #[serde(default)]
+    pub loss_factor: Option<f64>,
+    /// Mass of the intruder, kg, if it comes with the spring. Without it, the mass is searched.
+    #[serde(default)]
+    pub mass: Option<f64>,
+    /// Greatest displacement that it allows, m.
+    #[serde(default)]
+    pub stroke: Option<f64>,
+}
+
+/// Springs to choose from, from the softest to the stiffest.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Catalogue {
+    springs: Vec<CatalogueSpring>,
+}
+
+/// The text of a catalogue.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CatalogueText {
+    #[serde(default, rename = "spring")]
+    springs: Vec<CatalogueSpring>,
+}
+
+impl Catalogue {
+    /// Reads a catalogue in TOML, a `[[spring]]` for each spring; `file` is its name in messages.
+    ///
+    /// # Errors
+    /// [`InputError`] with file, line and key: a value is missing, unknown or out of range.
+    pub fn from_toml(text: &str, file: &str) -> Result<Self, InputError> {
+        let file = TomlFile::parse(text, file)?;
+        let CatalogueText { mut springs } = file.read()?;
+        check(&springs).map_err(|error| file.locate(error))?;
+        springs.sort_by(|one, other| one.stiffness.total_cmp(&other.stiffness));
+        Ok(Self { springs })
+    }
+
+    /// Reads a file as [`from_toml`](Self::from_toml) does.
+    ///
+    /// # Errors
+    /// As there, and if the file cannot be read.
+    pub fn load(path: impl AsRef<Path>) -> Result<Self, InputError> {
+        let path = path.as_ref();
+        let text = read_text(path, "a catalogue of springs in TOML")?;
+        Self::from_toml(&text, &path.display().to_string())
+    }
+
+    /// The springs, from the softest to the stiffest.
+    pub fn springs(&self) -> &[CatalogueSpring] {
+        &self.springs
+    }
+
+    /// The springs with stiffness, damping and mass in these ranges, as far as they have them.
+    ///
+    /// # Errors
+    /// [`OptimiseError::Search`] if there is none.
+    pub(super) fn within(
+        &self,
+        [mass, stiffness, damping]: [[f64; 2]; 3],
+    ) -> Result<Vec<&CatalogueSpring>, OptimiseError> {
+        let inside = |value: Option<f64>, [low, high]: [f64; 2]| {
+            value.is_none_or(|value| (low..=high).contains(&value))
+        };
+        let springs = self.springs.iter().filter(|spring| {
+            inside(Some(spring.stiffness), stiffness)
+                && inside(spring.damping, damping)
+                && inside(spring.mass, mass)
+        });
+        let springs: Vec<_> = springs.collect();
+        if !springs.is_empty() {
+            return Ok(springs);
+        }
+        let what = format!(
+            "none of its {} springs is within the bounds: {:e} to {:e} N/m, {:e} to {:e} N·s/m, {:e} to {:e} kg",
+            self.springs.len(),
+            stiffness[0],
+            stiffness[1],
+            damping[0],
+            damping[1],
+            mass[0],
+            mass[1],
+        );
+        let advice = "widen the bounds, or name another catalogue";
+        Err(OptimiseError::Search(InputError::at("catalogue", what, advice)))
+    }
+}
+
+fn check(springs: &[CatalogueSpring]) -> Result<(), InputError> {
+    if springs.is_empty() {
+        let advice = "add a [[spring]] with name and stiffness";
+        return Err(InputError::at("", "no spring is in it", advice));
+    }
+    let mut names = HashSet::new();
+    for (spring, number) in springs.iter().zip(1..) {
+        let at = TableCheck::of(format!("spring[{number}]."));
+        let name = &spring.name;
+        if name.is_empty() || name.chars().any(char::is_control) || !names.insert(name) {
+            let what = format!("{name:?} is no name of its own");
+            let advice = "give each spring another one, on one line";
+            return Err(InputError::at(format!("spring[{number}].name"), what, advice));
+        }
+        for (key, value, unit) in [
+            ("stiffness", Some(spring.stiffness), "N/m, such as 3.95e5"),
+            ("damping", spring.damping, "N·s/m, such as 12.0"),
+            ("mass", spring.mass, "kg, such as 3.7e-3"),
+            ("stroke", spring.stroke, "m, such as 2e-5"),
+        ] {
+            at.check(key, value, ValueRange::Positive(unit))?;
+        }
+        let key = format!("spring[{number}].loss_factor");
+        if let Some(factor) = spring.loss_factor
+            && !(factor > 0.0 && factor <= LOSS_FACTOR_MOST)
+        {
+            let what = format!("{factor} is no loss factor c/√(k m)");
+            let advice = format!("give a number above 0, at most {LOSS_FACTOR_MOST}, such as 0.1");
+            return Err(InputError::at(key, what, advice));
+        }
+        if spring.loss_factor.is_some() && spring.damping.is_some() {
+            let what = "a spring has a damping or a loss factor";
+            return Err(InputError::at(key, what, "leave one of them out"));
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,186 @@
+//! Bounds of a design, and the variables of a descent between them.
+
+use super::catalogue::CatalogueSpring;
+use super::problem::{DesignValues, Properties};
+use super::search::Search;
+
+/// Change of a variable to either side, for a difference quotient.
+const STEP: f64 = 2e-3;
+/// Part by which strokes of a search stay below their limit: far more than the error of an ensemble.
+const MARGIN: f64 = 1e-5;
+/// Logarithm of a stroke over its limit, without the margin, up to which the limit is kept.
+const KEPT: f64 = 5e-6;
+/// Part of its limit below which a stroke counts as this: an intruder that never moved has no logarithm.
+const LEAST_STROKE: f64 = 1e-3;
+
+/// Bounds of one entry of a design. Ends that are equal fix a value.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Bounds {
+    /// Least and greatest mass, kg, stiffness, N/m, and damping, N·s/m.
+    pub(super) properties: [[f64; 2]; 3],
+    /// Loss factor that ties the damping to mass and stiffness.
+    pub(super) loss_factor: Option<f64>,
+    /// Greatest stroke, m; infinite if any is allowed.
+    pub(super) stroke: f64,
+}
+
+impl Bounds {
+    /// The bounds that a search sets for every intruder.
+    pub(super) fn of(search: &Search) -> Self {
+        Self {
+            properties: [search.mass, search.stiffness, search.damping],
+            loss_factor: search.loss_factor,
+            stroke: search.stroke.unwrap_or(f64::INFINITY),
+        }
+    }
+
+    /// These bounds with a spring of a catalogue.
+    pub(super) fn with(&self, spring: &CatalogueSpring) -> Self {
+        let fixed = |value: f64| [value, value];
+        let [mass, _, damping] = self.properties;
+        Self {
+            properties: [
+                spring.mass.map_or(mass, fixed),
+                fixed(spring.stiffness),
+                spring.damping.map_or(damping, fixed),
+            ],
+            loss_factor: match spring.damping {
+                Some(_) => None,
+                None => spring.loss_factor.or(self.loss_factor),
+            },
+            stroke: spring
+                .stroke
+                .map_or(self.stroke, |stroke| stroke.min(self.stroke)),
+        }
+    }
+
+    /// Ties the damping to mass and stiffness if a loss factor does.
+    pub(super) fn tied(&self, [mass, stiffness, damping]: Properties) -> Properties {
+        let tied = |factor: f64| factor * (stiffness * mass).sqrt();
+        [mass, stiffness, self.loss_factor.map_or(damping, tied)]
+    }
+
+    /// The logarithm of a stroke, m, over its limit: above 0 if it is too long.
+    fn overreach(&self, stroke: f64) -> f64 {
+        let limit = self.stroke * (1.0 - MARGIN);
+        (stroke / limit).max(LEAST_STROKE).ln()
+    }
+}
+
+/// The overreach of each stroke of a design that has a limit, run by run.
+pub(super) fn overreaches(values: &DesignValues, bounds: &[Bounds]) -> Vec<f64> {
+    let each = values.strokes.iter().zip(bounds.iter().cycle());
+    let limited = each.filter(|(_, bounds)| bounds.stroke.is_finite());
+    limited
+        .map(|(&stroke, bounds)| bounds.overreach(stroke))
+        .collect()
+}
+
+/// The greatest overreach of a design's strokes; 0 if all limits are kept.
+pub(super) fn excess(values: &DesignValues, bounds: &[Bounds]) -> f64 {
+    let greatest = overreaches(values, bounds).into_iter().fold(0.0, f64::max);
+    if greatest <= KEPT { 0.0 } else { greatest }
+}
+
+/// Variables of a descent, all of order one, for each entry of a design: the mass as a part of the total mass
+/// for one host, and the logarithms of stiffness and damping. Values that are fixed or tied have none.
+pub(super) struct Variables {
+    /// Bounds of each entry.
+    entries: Vec<Bounds>,
+    /// The total mass divided by the number of hosts, kg.
+    each: f64,
+    /// Entry and property of each variable.
+    free: Vec<(usize, usize)>,
+    /// Least and greatest value of each variable.
+    pub(super) bounds: Vec<(f64, f64)>,
+}
+
+const MASS: usize = 0;
+const DAMPING: usize = 2;
+
+impl Variables {
+    /// The variables of designs with this number of entries, within `bounds`: one for each entry or for all.
+    pub(super) fn new(search: &Search, bounds: &[Bounds], entries: usize) -> Self {
+        let entries: Vec<Bounds> = bounds.iter().copied().cycle().take(entries).collect();
+        let each = search.total_mass / search.hosts.len() as f64;
+        let (mut free, mut limits) = (Vec::new(), Vec::new());
+        for (entry, bounds) in entries.iter().enumerate() {
+            for (property, pair) in bounds.properties.into_iter().enumerate() {
+                let tied = property == DAMPING && bounds.loss_factor.is_some();
+                if tied || pair[0] == pair[1] {
+                    continue;
+                }
+                let [low, high] = pair.map(|value| variable(each, property, value));
+                free.push((entry, property));
+                limits.push((low, high));
+            }
+        }
+        Self {
+            entries,
+            each,
+            free,
+            bounds: limits,
+        }
+    }
+
+    /// Returns the variables of a design, clamped to the bounds.
+    pub(super) fn of(&self, design: &[Properties]) -> Vec<f64> {
+        let of = |(&(entry, property), &(low, high)): (&(usize, usize), &(f64, f64))| {
+            variable(self.each, property, design[entry][property]).clamp(low, high)
+        };
+        self.free.iter().zip(&self.bounds).map(of).collect()
+    }
+
+    /// Returns the design of these variables.
+    pub(super) fn design(&self, x: &[f64]) -> Vec<Properties> {
+        let fixed = |bounds: &Bounds| bounds.properties.map(|[low, _]| low);
+        let mut design: Vec<Properties> = self.entries.iter().map(fixed).collect();
+        for (&(entry, property), &x) in self.free.iter().zip(x) {
+            design[entry][property] = if property == MASS { x * self.each } else { x.exp() };
+        }
+        let entries = design.into_iter().zip(&self.entries);
+        entries.map(|(entry, bounds)| bounds.tied(entry)).collect()
+    }
+
+    /// Returns the mass of a design's intruders above the bound, as a part of the bound; at most 0 within it.
+    pub(super) fn overweight(&self, x: &[f64], gradient: Option<&mut [f64]>) -> f64 {
+        let part = 1.0 / self.entries.len() as f64;
+        let is_mass = |&(_, property): &(usize, usize)| property == MASS;
+        if let Some(gradient) = gradient {
+            for (entry, free) in gradient.iter_mut().zip(&self.free) {
+                *entry = if is_mass(free) { part } else { 0.0 };
+            }
+        }
+        let fixed = self.entries.iter().map(|bounds| bounds.properties[MASS]);
+        let fixed = fixed
+            .filter(|[low, high]| low == high)
+            .map(|[mass, _]| mass / self.each);
+        let masses = x.iter().zip(&self.free).filter(|(_, free)| is_mass(free));
+        let total = masses.map(|(mass, _)| mass).sum::<f64>() + fixed.fold(0.0, |sum, mass| sum + mass);
+        let excess = total * part - 1.0;
+        // Rounding must not count, or the descent would not end.
+        if excess.abs() < 1e-12 { 0.0 } else { excess }
+    }
+
+    /// Returns a pair of designs beside `x` for each variable, within the bounds, and their distance in it.
+    pub(super) fn beside(&self, x: &[f64]) -> Vec<([Vec<f64>; 2], f64)> {
+        let pair = |(index, (low, high)): (usize, &(f64, f64))| {
+            let ends = [(x[index] - STEP).max(*low), (x[index] + STEP).min(*high)];
+            let designs = ends.map(|end| {
+                let mut beside = x.to_vec();
+                beside[index] = end;
+                beside
+            });
+            (designs, ends[1] - ends[0])
+        };
+        self.bounds.iter().enumerate().map(pair).collect()
+    }
+}
+
+fn variable(each: f64, property: usize, value: f64) -> f64 {
+    if property == MASS {
+        value / each
+    } else {
+        value.ln()
+    }
+}
