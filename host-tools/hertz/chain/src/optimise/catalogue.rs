@@ -6,8 +6,11 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::error::OptimiseError;
-use super::search::LOSS_FACTOR_MOST;
 use crate::scenario::{InputError, TableCheck, TomlFile, ValueRange, read_text};
+
+/// Greatest loss factor of a search: a damper a thousand times as stiff as its spring holds the intruder
+/// fast.
+pub(super) const LOSS_FACTOR_MOST: f64 = 1e3;
 
 /// A spring that can be bought, or an intruder that is sold as a whole.
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize, schemars::JsonSchema)]

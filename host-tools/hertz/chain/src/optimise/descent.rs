@@ -4,9 +4,10 @@ use std::cell::RefCell;
 
 use slsqp::{FailStatus, StopTols, SuccessStatus};
 
+use super::bounds::{Bounds, excess, overreaches};
 use super::objective::Objective;
 use super::problem::{DesignValues, Problem, TriedDesign};
-use super::variables::{Bounds, Variables, excess, overreaches};
+use super::variables::Variables;
 use crate::simulate::SimulateError;
 
 /// Relative change of the share below which a descent ends.
@@ -77,7 +78,7 @@ impl Problem<'_> {
     fn parts(&self, values: &DesignValues, bounds: &[Bounds], aspect: Aspect) -> Vec<f64> {
         match aspect {
             Aspect::Value => self.search.parts(&values.shares),
-            Aspect::Overreach => overreaches(values, bounds),
+            Aspect::Overreach => overreaches(&values.strokes, bounds),
         }
     }
 
@@ -169,7 +170,9 @@ impl Problem<'_> {
                 }
                 let gradient = gradient.map(|gradient| &mut gradient[..free]);
                 let mut descent = descent.borrow_mut();
-                let value = descent.aim(&x[..free], gradient, |values| overreaches(values, bounds)[reach]);
+                let value = descent.aim(&x[..free], gradient, |values| {
+                    overreaches(&values.strokes, bounds)[reach]
+                });
                 value.filter(|value| value.abs() >= SMOOTH).unwrap_or(0.0)
             }
         };
@@ -319,7 +322,7 @@ impl Descent<'_> {
         let found = TriedDesign {
             design: self.variables.design(x),
             value: problem.search.value(&here.shares),
-            excess: excess(&here, self.bounds),
+            excess: excess(&here.strokes, self.bounds),
             settled: false,
         };
         // A fresh start may be slightly too heavy, where its masses were raised to the least.

@@ -10,8 +10,9 @@
 
 use std::collections::HashSet;
 
+use super::bounds::Properties;
 use super::error::OptimiseError;
-use super::problem::{Problem, Properties, SearchProgress, TriedDesign};
+use super::problem::{Problem, SearchProgress, TriedDesign};
 use super::search::Search;
 use crate::scenario::Intruder;
 use crate::simulate::SimulateError;

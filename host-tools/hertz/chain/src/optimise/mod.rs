@@ -25,6 +25,7 @@
 //! A robust design is one whose worst value over the corners of a [`Spread`] is least. Its search begins at
 //! the optimum without the spread, too, and does not end above the worst value of that unless it is stopped.
 
+mod bounds;
 mod catalogue;
 mod descent;
 mod error;

@@ -5,11 +5,11 @@ use std::ops::ControlFlow;
 
 use rayon::prelude::*;
 
+use super::bounds::{Bounds, Properties, excess};
 use super::error::OptimiseError;
 use super::remaining::{Remaining, remaining, struck_at};
 use super::search::{COARSE, Search};
 use super::spread::deviating;
-use super::variables::{Bounds, excess};
 use crate::ensemble::{EnsembleOptions, Prefixes, ensemble_on};
 use crate::scenario::{Intruder, Scenario};
 use crate::simulate::{Accuracy, SimulateError};
@@ -29,9 +29,6 @@ pub struct SearchProgress {
 /// Called often with the progress of a search, which ends with the best design so far if this returns
 /// `Break`.
 pub type SearchObserver<'a> = dyn Fn(SearchProgress) -> ControlFlow<()> + Sync + 'a;
-
-/// Mass, kg, stiffness, N/m, and damping, N·s/m.
-pub(super) type Properties = [f64; 3];
 
 /// A design and its value of the objective.
 #[derive(Debug, Clone)]
@@ -121,7 +118,7 @@ impl<'a> Problem<'a> {
             bare,
             hosts,
             search,
-            bounds: Bounds::of(search),
+            bounds: search.bounds(),
             patience: if search.is_limited() { PATIENCE } else { usize::MAX },
             most: Cell::new(search.evaluations),
             speeds,
@@ -259,7 +256,7 @@ impl Problem<'_> {
         Ok(values.first().map(|values| TriedDesign {
             design,
             value: self.search.value(&values.shares),
-            excess: excess(values, &bounds),
+            excess: excess(&values.strokes, &bounds),
             settled: false,
         }))
     }
@@ -307,7 +304,7 @@ impl Problem<'_> {
         let tried = tried.iter().zip(designs).map(|(values, design)| TriedDesign {
             design,
             value: search.value(&values.shares),
-            excess: excess(values, &bounds),
+            excess: excess(&values.strokes, &bounds),
             settled: false,
         });
         let tried: Vec<TriedDesign> = tried.collect();

@@ -2,12 +2,12 @@
 
 use serde::Serialize;
 
-use super::catalogue::{Catalogue, CatalogueSpring};
+use super::bounds::Bounds;
+use super::catalogue::{Catalogue, CatalogueSpring, LOSS_FACTOR_MOST};
 use super::error::OptimiseError;
 use super::objective::Objective;
 use super::remaining::{needs_strike, struck_at};
 use super::spread::Spread;
-use super::variables::Bounds;
 use crate::model::Model;
 use crate::run::Run;
 use crate::scenario::{InputError, Intruder, Scenario, TableCheck, ValueRange};
@@ -117,6 +117,15 @@ impl Search {
         }
     }
 
+    /// The bounds of every intruder.
+    pub(super) fn bounds(&self) -> Bounds {
+        Bounds {
+            properties: [self.mass, self.stiffness, self.damping],
+            loss_factor: self.loss_factor,
+            stroke: self.stroke.unwrap_or(f64::INFINITY),
+        }
+    }
+
     /// Returns true if designs have limits beyond the bounds of each value.
     pub(super) fn is_limited(&self) -> bool {
         self.stroke.is_some() || self.catalogue.is_some() || self.hosts_at_most.is_some()
@@ -155,7 +164,7 @@ impl Search {
 
     /// The springs of the catalogue that are within the bounds; none without a catalogue.
     pub(super) fn usable_springs(&self) -> Result<Vec<&CatalogueSpring>, OptimiseError> {
-        let bounds = [self.mass, self.stiffness, self.damping];
+        let bounds = self.bounds().properties;
         let springs = self.catalogue.as_ref().map(|catalogue| catalogue.within(bounds));
         springs.unwrap_or_else(|| Ok(Vec::new()))
     }
@@ -163,7 +172,7 @@ impl Search {
     /// Refuses bounds with intruders of which no run would end, since the run would blame such an intruder.
     fn check_rates(&self, scenario: &Scenario) -> Result<(), InputError> {
         let (mass, stiffness, damping) = (self.mass, self.stiffness, self.damping);
-        let tied = |mass, stiffness| Bounds::of(self).tied([mass, stiffness, damping[1]]);
+        let tied = |mass, stiffness| self.bounds().tied([mass, stiffness, damping[1]]);
         let strongest = match self.loss_factor {
             Some(factor) => ("loss_factor", factor, tied(mass[1], stiffness[1])),
             None => ("damping", damping[1], tied(mass[1], stiffness[0])),
@@ -261,9 +270,6 @@ impl Search {
     }
 }
 
-/// Greatest loss factor of a search: a damper a thousand times as stiff as its spring holds the intruder
-/// fast.
-pub(super) const LOSS_FACTOR_MOST: f64 = 1e3;
 /// Points of the coarse grid in mass, stiffness, damping.
 pub(super) const COARSE: [usize; 3] = [2, 9, 7];
 

@@ -11,10 +11,10 @@ use std::collections::HashSet;
 
 use serde::Serialize;
 
+use super::bounds::Bounds;
 use super::catalogue::CatalogueSpring;
 use super::error::OptimiseError;
 use super::problem::{Problem, TriedDesign};
-use super::variables::Bounds;
 use crate::scenario::{InputError, Intruder};
 use crate::simulate::SimulateError;
 

@@ -1,86 +1,10 @@
-//! Bounds of a design, and the variables of a descent between them.
+//! Variables of a descent, between the bounds of a design.
 
-use super::catalogue::CatalogueSpring;
-use super::problem::{DesignValues, Properties};
+use super::bounds::{Bounds, Properties};
 use super::search::Search;
 
 /// Change of a variable to either side, for a difference quotient.
 const STEP: f64 = 2e-3;
-/// Part by which strokes of a search stay below their limit: far more than the error of an ensemble.
-const MARGIN: f64 = 1e-5;
-/// Logarithm of a stroke over its limit, without the margin, up to which the limit is kept.
-const KEPT: f64 = 5e-6;
-/// Part of its limit below which a stroke counts as this: an intruder that never moved has no logarithm.
-const LEAST_STROKE: f64 = 1e-3;
-
-/// Bounds of one entry of a design. Ends that are equal fix a value.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Bounds {
-    /// Least and greatest mass, kg, stiffness, N/m, and damping, N·s/m.
-    pub(super) properties: [[f64; 2]; 3],
-    /// Loss factor that ties the damping to mass and stiffness.
-    pub(super) loss_factor: Option<f64>,
-    /// Greatest stroke, m; infinite if any is allowed.
-    pub(super) stroke: f64,
-}
-
-impl Bounds {
-    /// The bounds that a search sets for every intruder.
-    pub(super) fn of(search: &Search) -> Self {
-        Self {
-            properties: [search.mass, search.stiffness, search.damping],
-            loss_factor: search.loss_factor,
-            stroke: search.stroke.unwrap_or(f64::INFINITY),
-        }
-    }
-
-    /// These bounds with a spring of a catalogue.
-    pub(super) fn with(&self, spring: &CatalogueSpring) -> Self {
-        let fixed = |value: f64| [value, value];
-        let [mass, _, damping] = self.properties;
-        Self {
-            properties: [
-                spring.mass.map_or(mass, fixed),
-                fixed(spring.stiffness),
-                spring.damping.map_or(damping, fixed),
-            ],
-            loss_factor: match spring.damping {
-                Some(_) => None,
-                None => spring.loss_factor.or(self.loss_factor),
-            },
-            stroke: spring
-                .stroke
-                .map_or(self.stroke, |stroke| stroke.min(self.stroke)),
-        }
-    }
-
-    /// Ties the damping to mass and stiffness if a loss factor does.
-    pub(super) fn tied(&self, [mass, stiffness, damping]: Properties) -> Properties {
-        let tied = |factor: f64| factor * (stiffness * mass).sqrt();
-        [mass, stiffness, self.loss_factor.map_or(damping, tied)]
-    }
-
-    /// The logarithm of a stroke, m, over its limit: above 0 if it is too long.
-    fn overreach(&self, stroke: f64) -> f64 {
-        let limit = self.stroke * (1.0 - MARGIN);
-        (stroke / limit).max(LEAST_STROKE).ln()
-    }
-}
-
-/// The overreach of each stroke of a design that has a limit, run by run.
-pub(super) fn overreaches(values: &DesignValues, bounds: &[Bounds]) -> Vec<f64> {
-    let each = values.strokes.iter().zip(bounds.iter().cycle());
-    let limited = each.filter(|(_, bounds)| bounds.stroke.is_finite());
-    limited
-        .map(|(&stroke, bounds)| bounds.overreach(stroke))
-        .collect()
-}
-
-/// The greatest overreach of a design's strokes; 0 if all limits are kept.
-pub(super) fn excess(values: &DesignValues, bounds: &[Bounds]) -> f64 {
-    let greatest = overreaches(values, bounds).into_iter().fold(0.0, f64::max);
-    if greatest <= KEPT { 0.0 } else { greatest }
-}
 
 /// Variables of a descent, all of order one, for each entry of a design: the mass as a part of the total mass
 /// for one host, and the logarithms of stiffness and damping. Values that are fixed or tied have none.
