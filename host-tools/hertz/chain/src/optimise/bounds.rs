@@ -57,8 +57,8 @@ impl Bounds {
     }
 }
 
-/// The overreach of each stroke of a design that has a limit, run by run. `bounds` has an entry for each host,
-/// or one for all.
+/// The overreach of each stroke of a design that has a limit, run by run. `bounds` has an entry for each
+/// host, or one for all.
 pub(super) fn overreaches(strokes: &[f64], bounds: &[Bounds]) -> Vec<f64> {
     let each = strokes.iter().zip(bounds.iter().cycle());
     let limited = each.filter(|(_, bounds)| bounds.stroke.is_finite());

@@ -10,6 +10,8 @@ use super::problem::{DesignValues, Problem, TriedDesign};
 use super::variables::Variables;
 use crate::simulate::SimulateError;
 
+/// Gradients in vain after which a descent ends: between kinks it can wander without an end.
+const PATIENCE: usize = 30;
 /// Relative change of the share below which a descent ends.
 const SETTLED: f64 = 1e-9;
 /// Shares are smooth to this, so a share so little above its bound is at it.
@@ -332,7 +334,7 @@ impl Descent<'_> {
             self.in_vain = 0;
         } else if with_slopes {
             self.in_vain += 1;
-            self.lost |= self.in_vain >= problem.patience;
+            self.lost |= self.in_vain >= PATIENCE;
         }
         let pair = |(_, apart): &([Vec<f64>; 2], f64)| Some(([tried.next()?, tried.next()?], *apart));
         let beside = with_slopes.then(|| beside.iter().map_while(pair).collect());

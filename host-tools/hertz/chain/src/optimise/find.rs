@@ -108,8 +108,8 @@ const GAINED: f64 = 1e-6;
 /// [`Accuracy::REFERENCE`].
 ///
 /// Under a [`Search::spread`], the optimum without it is found first, and the robust design then. With
-/// [`Search::hosts_at_most`], the hosts are chosen before, and with a [`Search::catalogue`], the springs after
-/// each optimum with free stiffnesses.
+/// [`Search::hosts_at_most`], the hosts are chosen before, and with a [`Search::catalogue`], the springs
+/// after each optimum with free stiffnesses.
 ///
 /// # Errors
 /// [`OptimiseError`]: a value of scenario or search is out of range, or a run cannot go on.

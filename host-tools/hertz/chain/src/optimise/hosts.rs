@@ -5,8 +5,8 @@
 //! All beads that may hold one begin with one. The one whose loss costs least is dropped, and the others are
 //! improved, until as many are left as are wanted. Then an intruder moves to a bead without one, past others
 //! or by moving these on: such moves are tried as they are first, and then improved in the order of their
-//! values. The choice is final when no move gains. An intruder more never costs anything, since its spring can
-//! hold it fast, so no choice has fewer than are wanted.
+//! values. The choice is final when no move gains. An intruder more never costs anything, since its spring
+//! can hold it fast, so no choice has fewer than are wanted.
 
 use std::collections::HashSet;
 

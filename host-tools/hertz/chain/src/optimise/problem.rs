@@ -71,8 +71,6 @@ pub(super) struct DesignValues {
 const RAMP: f64 = 4.0;
 /// Factors by which fresh starts differ from the best design, in turn: small, for a valley left too early.
 const APART: [f64; 3] = [1.3, 2.0, 4.0];
-/// Gradients in vain after which a descent of a limited search ends: it can wander without an end.
-const PATIENCE: usize = 30;
 /// Bodies of the chains computed at once, between checks for a stop: 80 MB.
 const TOGETHER: usize = 1 << 19;
 /// Least designs computed at once, for any length of chain: enough to share the wave's way to the first host.
@@ -84,8 +82,6 @@ pub(super) struct Problem<'a> {
     pub(super) search: &'a Search,
     /// Bounds of every intruder.
     pub(super) bounds: Bounds,
-    /// Gradients in vain after which a descent ends.
-    pub(super) patience: usize,
     pub(super) speeds: Vec<f64>,
     /// The objective's value at each speed without intruders.
     pub(super) scales: Vec<f64>,
@@ -119,7 +115,6 @@ impl<'a> Problem<'a> {
             hosts,
             search,
             bounds: search.bounds(),
-            patience: if search.is_limited() { PATIENCE } else { usize::MAX },
             most: Cell::new(search.evaluations),
             speeds,
             scales,
@@ -137,7 +132,6 @@ impl<'a> Problem<'a> {
             hosts: search.hosts.clone(),
             search,
             bounds: self.bounds,
-            patience: self.patience,
             speeds: self.speeds.clone(),
             scales: self.scales.clone(),
             most: self.most.clone(),

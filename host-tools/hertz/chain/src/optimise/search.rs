@@ -126,11 +126,6 @@ impl Search {
         }
     }
 
-    /// Returns true if designs have limits beyond the bounds of each value.
-    pub(super) fn is_limited(&self) -> bool {
-        self.stroke.is_some() || self.catalogue.is_some() || self.hosts_at_most.is_some()
-    }
-
     /// The values of which a search makes the greatest small, given those of all strikes at one corner of the
     /// spread after the other.
     pub(super) fn parts(&self, shares: &[f64]) -> Vec<f64> {

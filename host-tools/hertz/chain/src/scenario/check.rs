@@ -210,18 +210,16 @@ impl Scenario {
             return Ok(());
         }
         let mut owners = vec![None; self.chain.beads];
-        // Each host, with the distance at which its spring no longer pulls back.
-        let hosts: HashMap<usize, f64> = self
-            .intruders
-            .iter()
-            .flat_map(|one| {
-                let reach = one
-                    .oscillator()
-                    .reach(one.cubic_stiffness)
-                    .unwrap_or(f64::INFINITY);
-                one.beads.iter().map(move |&bead| (bead, reach))
-            })
-            .collect();
+        // Each host, with the least distance at which a spring in it no longer pulls back.
+        let mut hosts = HashMap::new();
+        for one in &self.intruders {
+            let reach = one.oscillator().reach(one.cubic_stiffness);
+            let reach = reach.unwrap_or(f64::INFINITY);
+            for &bead in &one.beads {
+                let least: &mut f64 = hosts.entry(bead).or_insert(reach);
+                *least = least.min(reach);
+            }
+        }
         for (index, start) in self.starts.iter().enumerate() {
             let at = TableCheck::of(format!("start[{}].", index + 1));
             let other = ("is already in start", "put each bead in one start only");

@@ -94,6 +94,7 @@ mass = 3.7e-3 => mass = 0.051 => 19: intruder[1].mass: 0.051 kg is as heavy as i
 + => [[section]]\nbeads = [3, 4]\nradius = -0.01 => 24: section[1].radius: -0.01 is not a positive number
 
 + => [[start]]\nbeads = [17]\ngap = 1e-6 => 23: start[1].beads: bead 17 is not in the chain
++ => [[intruder]]\nbeads = 8\nmass = 1e-3\nstiffness = 1e5\ndamping = 1\ncubic_stiffness = -1e18\n[[intruder]]\nbeads = 8\nmass = 1e-3\nstiffness = 1e5\ndamping = 1\n[[start]]\nbeads = [8]\nintruder_displacement = 1e-6 => 35: start[1].intruder_displacement: at 0.000001 m the softening spring in bead 8
 + => [[start]]\nbeads = []\ngap = 1e-6 => 23: start[1].beads: names no bead
 + => [[start]]\nbeads = [3]\ngap = -1e-6 => 24: start[1].gap: -0.000001 is not zero or a positive
 + => [[start]]\nbeads = [3]\nvelocity = inf => 24: start[1].velocity: inf is no velocity
