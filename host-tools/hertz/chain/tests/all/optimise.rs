@@ -94,6 +94,18 @@ fn a_range_of_strikes_gives_a_compromise() {
     assert!(mean(middle) < mean(slow).min(mean(fast)).min(mean(fair)));
 }
 
+/// Descents between the kinks of a greatest value wander, unless they end after some gradients in vain.
+#[test]
+fn the_worst_of_three_strikes_settles_at_its_optimum() {
+    const TEN: &str = include_str!("../../../../../docs/scenarios/ten-intruders.toml");
+    let scenario = Scenario::from_toml(TEN, "ten-intruders.toml").expect("it is sound");
+    let mut search = Search::new(&scenario, vec![7, 8, 9], 0.036).expect("it can be searched");
+    (search.aim, search.speeds) = (Aim::Worst, vec![0.1, 0.45, 2.0]);
+    search.evaluations = 30_000;
+    let found = optimise(&scenario, &search, None).expect("it can be run");
+    assert!(found.settled && found.share < 0.677_960, "{}", found.share);
+}
+
 #[test]
 fn the_same_input_gives_the_same_result_on_any_number_of_threads() {
     let search = search(&[7, 8], 0.01);
