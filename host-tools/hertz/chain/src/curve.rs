@@ -116,7 +116,10 @@ impl Curve {
         match self.of {
             CurveQuantity::Force(contact) => self.model.force_at(contact, place, rate),
             CurveQuantity::ForceBeyond(contact) => self.model.force_beyond_at(contact, place, rate),
-            CurveQuantity::Acceleration(intruder) => self.model.acceleration_at(intruder, place, rate),
+            CurveQuantity::Acceleration(intruder) => {
+                // It is the only one in its bead, and so carries none.
+                self.model.acceleration_at(intruder, |_| (place, rate))
+            }
         }
     }
 }

@@ -36,9 +36,17 @@ pub struct Dispersion {
 struct CellBead {
     /// Mass with the intruders, kg.
     mass: f64,
-    intruders: Vec<Oscillator>,
+    intruders: Vec<CellIntruder>,
     /// Stiffness of the contact behind it against small changes, N/m.
     stiffness: f64,
+}
+
+/// An intruder of a cell's bead.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct CellIntruder {
+    oscillator: Oscillator,
+    /// The intruder of this bead that carries it, if it is not the bead itself.
+    carrier: Option<usize>,
 }
 
 /// Bands of linear waves. They pass up to the acoustic top, and in a further band for each further bead of a
@@ -84,8 +92,14 @@ impl Dispersion {
         let beads = scenario.chain.beads;
         let spheres = scenario.spheres();
         let held = |bead: usize| {
-            let intruders = &model.intruders()[model.intruders_of(bead)];
-            intruders.iter().map(|intruder| intruder.oscillator)
+            let numbers = model.intruders_of(bead);
+            let first = numbers.start;
+            model.intruders()[numbers]
+                .iter()
+                .map(move |intruder| CellIntruder {
+                    oscillator: intruder.oscillator,
+                    carrier: intruder.carrier.map(|carrier| carrier - first),
+                })
         };
         let repeats = |cell: usize| {
             (cell..beads).all(|n| spheres[n] == spheres[n - cell] && held(n + 1).eq(held(n + 1 - cell)))
@@ -147,9 +161,10 @@ impl CellBead {
     fn frequencies(&self, wave_number: f64) -> Vec<f64> {
         let sine = (0.5 * wave_number).sin();
         let contacts = 4.0 * self.stiffness * sine * sine;
-        let [Oscillator { mass, stiffness, .. }] = self.intruders[..] else {
+        let [CellIntruder { oscillator, .. }] = self.intruders[..] else {
             return vec![(contacts / self.mass).sqrt() / TAU];
         };
+        let Oscillator { mass, stiffness, .. } = oscillator;
         let shell = self.mass - mass;
         let (a, b, c) = (
             shell * mass,
@@ -167,10 +182,14 @@ impl CellBead {
 /// Frequencies of a chain of such cells, Hz, the lowest first.
 fn frequencies_of_cell(cell: &[CellBead], wave_number: f64) -> Vec<f64> {
     let beads = cell.len();
-    let intruders: Vec<(usize, Oscillator)> = (cell.iter().enumerate())
-        .flat_map(|(bead, of)| of.intruders.iter().map(move |one| (bead, *one)))
-        .collect();
-    let inner = |bead: &CellBead| -> f64 { bead.intruders.iter().map(|intruder| intruder.mass).sum() };
+    // Each spring of an intruder with the body that carries it, beads before intruders.
+    let mut intruders: Vec<(usize, Oscillator)> = Vec::new();
+    for (bead, of) in cell.iter().enumerate() {
+        let first = beads + intruders.len();
+        let carrier = |one: &CellIntruder| one.carrier.map_or(bead, |carrier| first + carrier);
+        intruders.extend(of.intruders.iter().map(|one| (carrier(one), one.oscillator)));
+    }
+    let inner = |bead: &CellBead| -> f64 { bead.intruders.iter().map(|one| one.oscillator.mass).sum() };
     let mut masses: Vec<f64> = cell.iter().map(|bead| bead.mass - inner(bead)).collect();
     masses.extend(intruders.iter().map(|(_, intruder)| intruder.mass));
     let count = masses.len();
@@ -190,8 +209,8 @@ fn frequencies_of_cell(cell: &[CellBead], wave_number: f64) -> Vec<f64> {
         };
         join(near, far, bead.stiffness, turn);
     }
-    for (number, (host, intruder)) in intruders.iter().enumerate() {
-        join(*host, beads + number, intruder.stiffness, none);
+    for (number, (carrier, intruder)) in intruders.iter().enumerate() {
+        join(*carrier, beads + number, intruder.stiffness, none);
     }
     let by_mass = DMatrix::from_fn(count, count, |row, column| {
         springs[(row, column)] / (masses[row] * masses[column]).sqrt()
@@ -298,18 +317,49 @@ mod tests {
             .push(Intruder::new(1..=scenario.chain.beads, light));
         let dispersion = Dispersion::of(&scenario).unwrap();
         let bead = &dispersion.cell[0];
-        let inner: f64 = bead.intruders.iter().map(|one| one.mass).sum();
+        let inner: f64 = bead.intruders.iter().map(|one| one.oscillator.mass).sum();
         for wave_number in [0.3, 1.7, PI] {
             let sine = (0.5 * wave_number).sin();
             let frequencies = dispersion.frequencies(wave_number);
             assert_eq!(frequencies.len(), 3);
             for hz in frequencies {
                 let square = (TAU * hz).powi(2);
-                let effective =
-                    |one: &Oscillator| one.mass * one.stiffness / (one.stiffness - one.mass * square);
+                let effective = |one: &CellIntruder| {
+                    let Oscillator { mass, stiffness, .. } = one.oscillator;
+                    mass * stiffness / (stiffness - mass * square)
+                };
                 let mass = bead.mass - inner + bead.intruders.iter().map(effective).sum::<f64>();
                 let off = square * mass / (4.0 * bead.stiffness * sine * sine) - 1.0;
                 assert!(off.abs() < 1e-9, "{hz}: {off}");
+            }
+        }
+        assert_eq!(dispersion.bands().pass.len(), 3);
+    }
+
+    /// As before; one that carries another has its own mass and the effective mass of that one.
+    #[test]
+    fn an_intruder_in_another_adds_to_the_effective_mass_of_its_carrier() {
+        let mut scenario = loaded(10.0);
+        let light = Oscillator {
+            mass: 1.5e-3,
+            stiffness: 5e5,
+            damping: 0.0,
+        };
+        let mut inner = Intruder::new(1..=scenario.chain.beads, light);
+        inner.inside = Some(1);
+        scenario.intruders.push(inner);
+        let dispersion = Dispersion::of(&scenario).unwrap();
+        let bead = &dispersion.cell[0];
+        let [outer, inner] = [0, 1].map(|place| bead.intruders[place].oscillator);
+        for wave_number in [0.3, 1.7, PI] {
+            let sine = (0.5 * wave_number).sin();
+            for hz in dispersion.frequencies(wave_number) {
+                let square = (TAU * hz).powi(2);
+                let seen = |mass: f64, stiffness: f64| mass * stiffness / (stiffness - mass * square);
+                let carried = outer.mass + seen(inner.mass, inner.stiffness);
+                let mass = bead.mass - outer.mass - inner.mass + seen(carried, outer.stiffness);
+                let off = square * mass / (4.0 * bead.stiffness * sine * sine) - 1.0;
+                assert!(off.abs() < 1e-8, "{hz}: {off}");
             }
         }
         assert_eq!(dispersion.bands().pass.len(), 3);

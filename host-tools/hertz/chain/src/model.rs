@@ -10,6 +10,9 @@
 //! m u'' = -k x - c x'                           the intruder; -k x - k₃ x³ - c x' on a spring that hardens
 //! ```
 //!
+//! An intruder may be carried by another one. Then x is its displacement relative to its carrier, on which its
+//! spring and damper act in place of the bead.
+//!
 //! Eq. (1) as printed lacks the condition on δ.
 //!
 //! A static load F₀ on the chain adds a constant to the force of every contact but the striker's, and is
@@ -57,14 +60,16 @@ pub struct Model {
     pub(crate) shells: Vec<f64>,
     /// Contacts 1..=N, and N + 1 if there is a wall, at index j - 1.
     contacts: Vec<Contact>,
-    /// Intruders in the order of their beads.
+    /// Intruders in the order of their beads, those of a bead in the order of their tables.
     intruders: Vec<HostedIntruder>,
+    /// True if an intruder carries another one.
+    nests: bool,
     /// True if contact forces are clipped at zero.
     pub(crate) clipped: bool,
     /// Displacement, m, and velocity, m/s, of each body at t = 0. Displacements would be zero if all bodies
     /// stood in contact, the last bead at the wall.
     pub(crate) starts: Vec<(f64, f64)>,
-    /// Displacement, m, and velocity, m/s, of each intruder at t = 0 relative to its host.
+    /// Displacement, m, and velocity, m/s, of each intruder at t = 0 relative to its host or carrier.
     intruder_starts: Vec<(f64, f64)>,
     /// Forces on body 0 beside its contact's, or its motion.
     pub(crate) drive: Option<Arc<EndDrive>>,
@@ -130,20 +135,11 @@ impl Model {
             }
         }
 
-        let mut intruders = Vec::new();
+        let intruders = hosted::of(scenario);
         let mut shells = masses.clone();
-        for intruder in &scenario.intruders {
-            let (oscillator, cubic_stiffness) = (intruder.oscillator(), intruder.cubic_stiffness);
-            for &bead in &intruder.beads {
-                intruders.push(HostedIntruder {
-                    bead,
-                    oscillator,
-                    cubic_stiffness,
-                });
-                shells[bead] -= oscillator.mass;
-            }
+        for intruder in &intruders {
+            shells[intruder.bead] -= intruder.oscillator.mass;
         }
-        intruders.sort_by_key(|intruder| intruder.bead);
         let clipped = scenario.chain.contact_force == ContactForce::Clipped;
         let falls = scenario.chain.gravity > 0.0 && !scenario.loads_striker();
         let weight = if falls {
@@ -163,6 +159,7 @@ impl Model {
             masses,
             shells,
             contacts,
+            nests: intruders.iter().any(|intruder| intruder.carrier.is_some()),
             intruders,
             clipped,
             starts,
@@ -480,22 +477,33 @@ impl Model {
             }
             rate.sqrt().max(rate * contact.relaxation)
         });
-        let intruders = self.intruders.iter().map(|intruder| self.rate_of(intruder));
+        let intruders = (0..self.intruders.len()).map(|number| self.rate_of(number));
         intruders.chain(loaded).fold(0.0, f64::max)
     }
 
-    fn rate_of(&self, intruder: &HostedIntruder) -> f64 {
+    fn rate_of(&self, number: usize) -> f64 {
+        let intruder = &self.intruders[number];
         let (host, shell) = (self.masses[intruder.bead], self.shells[intruder.bead]);
-        let oscillator = intruder.oscillator;
-        let reduced = oscillator.mass * shell / host;
-        let undamped = (oscillator.stiffness / reduced).sqrt();
-        undamped.max(oscillator.damping / reduced)
+        let mass = intruder.oscillator.mass;
+        // Each of the springs that a mass is between counts with its part of that mass.
+        let springs = |number: usize| 1.0 + self.carried_by(number).count() as f64;
+        let reduced = match intruder.carrier {
+            None => mass * shell / host / springs(number),
+            Some(carrier) => {
+                let other = self.intruders[carrier].oscillator.mass;
+                mass * other / (springs(number) * other + springs(carrier) * mass)
+            }
+        };
+        let undamped = (intruder.oscillator.stiffness / reduced).sqrt();
+        undamped.max(intruder.oscillator.damping / reduced)
     }
 
     /// The host and the rate, 1/s, of an intruder 100,000 times faster than any collision. No resonator is.
     pub(crate) fn absurd_intruder(&self) -> Option<(usize, f64)> {
-        let of = |intruder: &HostedIntruder| (intruder.bead, self.rate_of(intruder));
-        let fastest = self.intruders.iter().map(of).max_by(|a, b| a.1.total_cmp(&b.1));
+        let of = |number: usize| (self.intruders[number].bead, self.rate_of(number));
+        let fastest = (0..self.intruders.len())
+            .map(of)
+            .max_by(|a, b| a.1.total_cmp(&b.1));
         fastest.filter(|(_, rate)| rate * self.shortest_contact() > 6e5)
     }
 
@@ -561,7 +569,13 @@ impl Model {
             let x_rate = y[layout.relative_velocity(i)];
             let oscillator = &intruder.oscillator;
             let pull = intruder.pull(x, x_rate);
-            acceleration[intruder.bead] += pull;
+            match intruder.carrier {
+                None => acceleration[intruder.bead] += pull,
+                Some(carrier) => {
+                    rest[layout.relative_velocity(carrier) - base] +=
+                        pull / self.intruders[carrier].oscillator.mass;
+                }
+            }
             rest[layout.relative(i) - base] = x_rate;
             rest[layout.relative_velocity(i) - base] = -pull / oscillator.mass;
             rest[layout.intruder_loss(i) - base] = oscillator.damping * x_rate * x_rate;
@@ -581,8 +595,12 @@ impl Model {
         if let Some(drive) = &self.drive {
             acceleration[0] += drive.acceleration(t);
         }
-        for (i, intruder) in self.intruders.iter().enumerate() {
-            rest[layout.relative_velocity(i) - base] -= acceleration[intruder.bead];
+        // Those that are carried come first, as long as the rate of their carrier is its own acceleration.
+        for (i, intruder) in self.intruders.iter().enumerate().rev() {
+            rest[layout.relative_velocity(i) - base] -= match intruder.carrier {
+                None => acceleration[intruder.bead],
+                Some(carrier) => rest[layout.relative_velocity(carrier) - base],
+            };
         }
     }
 
@@ -612,7 +630,7 @@ impl Model {
         }
         for (i, intruder) in self.intruders.iter().enumerate() {
             let x = y[layout.relative(i)];
-            let velocity = y[layout.velocity(intruder.bead)] + y[layout.relative_velocity(i)];
+            let velocity = y[layout.velocity(intruder.bead)] + self.velocity_in_host(y, i);
             energies.intruders += kinetic(intruder.oscillator.mass, velocity) + intruder.elastic_energy(x);
             energies.dissipated_intruders += y[layout.intruder_loss(i)];
         }
@@ -629,7 +647,7 @@ impl Model {
     pub(crate) fn momentum_from(&self, y: &[f64], first: usize) -> f64 {
         let layout = self.layout();
         let body = |n: usize| self.masses[n] * y[layout.velocity(n)];
-        let intruder = |i: usize| self.intruders[i].oscillator.mass * y[layout.relative_velocity(i)];
+        let intruder = |i: usize| self.intruders[i].oscillator.mass * self.velocity_in_host(y, i);
         let bodies: f64 = (first..layout.bodies).map(body).sum();
         let hosted = (0..layout.intruders).filter(|&i| self.intruders[i].bead >= first);
         let intruders: f64 = hosted.map(intruder).sum();
@@ -654,20 +672,57 @@ impl Model {
         before(bead)..before(bead + 1)
     }
 
-    /// Acceleration u'' of an intruder, m/s², at a displacement relative to its host, m, and its rate, m/s.
-    pub(crate) fn acceleration_at(&self, intruder: usize, place: f64, rate: f64) -> f64 {
-        let intruder = &self.intruders[intruder];
-        -intruder.pull(place, rate) / intruder.oscillator.mass
+    /// Numbers of the intruders that an intruder carries.
+    pub(crate) fn carried_by(&self, intruder: usize) -> impl Iterator<Item = usize> + '_ {
+        let others = intruder + 1..if self.nests { self.intruders.len() } else { 0 };
+        let bead = self.intruders[intruder].bead;
+        others
+            .take_while(move |&other| self.intruders[other].bead == bead)
+            .filter(move |&other| self.intruders[other].carrier == Some(intruder))
     }
 
-    /// Rate of [`Model::acceleration_at`], m/s³, where the rate changes by `acceleration`, m/s².
-    pub(crate) fn acceleration_rate_at(
-        &self,
-        intruder: usize,
-        (place, rate, acceleration): (f64, f64, f64),
-    ) -> f64 {
-        let intruder = &self.intruders[intruder];
-        -intruder.pull_rate(place, rate, acceleration) / intruder.oscillator.mass
+    /// Sum of a coordinate relative to host or carrier over an intruder and all that carry it: relative to the
+    /// host.
+    pub(crate) fn in_host(&self, intruder: usize, relative: impl Fn(usize) -> f64) -> f64 {
+        let mut sum = relative(intruder);
+        let mut inner = intruder;
+        while let Some(carrier) = self.intruders[inner].carrier {
+            sum += relative(carrier);
+            inner = carrier;
+        }
+        sum
+    }
+
+    /// Velocity of an intruder relative to its host, m/s.
+    pub(crate) fn velocity_in_host(&self, y: &[f64], intruder: usize) -> f64 {
+        let layout = self.layout();
+        self.in_host(intruder, |number| y[layout.relative_velocity(number)])
+    }
+
+    /// Acceleration u'' of an intruder, m/s². `motion` is the displacement of an intruder relative to its host
+    /// or carrier, m, and its rate, m/s: of this one and of those that it carries.
+    pub(crate) fn acceleration_at(&self, intruder: usize, motion: impl Fn(usize) -> (f64, f64)) -> f64 {
+        self.accelerate(intruder, |number| {
+            let (place, rate) = motion(number);
+            self.intruders[number].pull(place, rate)
+        })
+    }
+
+    /// Rate of [`Model::acceleration_at`], m/s³. `motion` has the relative acceleration too, m/s².
+    pub(crate) fn acceleration_rate_at(&self, intruder: usize, motion: impl Fn(usize) -> [f64; 3]) -> f64 {
+        self.accelerate(intruder, |number| {
+            let [place, rate, acceleration] = motion(number);
+            self.intruders[number].pull_rate(place, rate, acceleration)
+        })
+    }
+
+    /// Acceleration of an intruder by its own pull and those of the intruders that it carries.
+    fn accelerate(&self, intruder: usize, pull: impl Fn(usize) -> f64) -> f64 {
+        let mut net = pull(intruder);
+        for carried in self.carried_by(intruder) {
+            net -= pull(carried);
+        }
+        -net / self.intruders[intruder].oscillator.mass
     }
 
     /// True if the spring of an intruder hardens or softens.

@@ -63,7 +63,7 @@ impl Model {
         for (i, intruder) in self.intruders().iter().enumerate() {
             if beads.contains(&intruder.bead) {
                 let x = y[layout.relative(i)];
-                let velocity = y[layout.velocity(intruder.bead)] + y[layout.relative_velocity(i)];
+                let velocity = y[layout.velocity(intruder.bead)] + self.velocity_in_host(y, i);
                 energies.intruder_kinetic += 0.5 * intruder.oscillator.mass * velocity * velocity;
                 energies.intruder_elastic += intruder.elastic_energy(x);
                 energies.intruder_dissipated += y[layout.intruder_loss(i)];

@@ -308,7 +308,7 @@ impl StepView<'_> {
     /// Motion of an intruder, by its number in [`Model::intruders`]; panics if the chain has no such
     /// intruder.
     pub fn motion_of(&self, intruder: usize) -> IntruderMotion {
-        IntruderMotion::of(self.model, intruder, self.stepper.guest(intruder))
+        IntruderMotion::of(self.model, intruder, |number| self.stepper.guest(number))
     }
 
     /// Displacement of the intruder in `bead` relative to its host, x = u - U, m; `None` for a bead without

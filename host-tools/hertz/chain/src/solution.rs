@@ -123,20 +123,23 @@ impl<'a> Sampler<'a> {
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct IntruderMotion {
-    /// Displacement relative to its host, x = u - U, m.
+    /// Displacement relative to its host, x = u - U, m; relative to its carrier if another intruder carries
+    /// it.
     pub displacement: f64,
-    /// Velocity relative to its host, m/s.
+    /// Velocity relative to its host or carrier, m/s.
     pub velocity: f64,
     /// Absolute acceleration u'', m/s².
     pub acceleration: f64,
 }
 
 impl IntruderMotion {
-    pub(crate) fn of(model: &Model, intruder: usize, (displacement, velocity): (f64, f64)) -> Self {
+    /// `motion` is displacement and velocity of an intruder, by its number.
+    pub(crate) fn of(model: &Model, intruder: usize, motion: impl Fn(usize) -> (f64, f64)) -> Self {
+        let (displacement, velocity) = motion(intruder);
         Self {
             displacement,
             velocity,
-            acceleration: model.acceleration_at(intruder, displacement, velocity),
+            acceleration: model.acceleration_at(intruder, motion),
         }
     }
 }
@@ -192,11 +195,12 @@ impl<'a> Snapshot<'a> {
     pub fn motion_of(&self, intruder: usize) -> IntruderMotion {
         self.known(intruder);
         let layout = self.model.layout();
-        let (x, rate) = (
-            self.state[layout.relative(intruder)],
-            self.state[layout.relative_velocity(intruder)],
-        );
-        IntruderMotion::of(self.model, intruder, (x, rate))
+        IntruderMotion::of(self.model, intruder, |number| {
+            (
+                self.state[layout.relative(number)],
+                self.state[layout.relative_velocity(number)],
+            )
+        })
     }
 
     /// Energy that an intruder has dissipated, ∫ c x'² dt, J. Panics as [`Snapshot::motion_of`].
@@ -210,7 +214,7 @@ impl<'a> Snapshot<'a> {
     pub fn stored_by(&self, intruder: usize) -> f64 {
         let one = &self.model.intruders()[intruder];
         let motion = self.motion_of(intruder);
-        let velocity = self.velocity(one.bead) + motion.velocity;
+        let velocity = self.velocity(one.bead) + self.model.velocity_in_host(&self.state, intruder);
         0.5 * one.oscillator.mass * velocity * velocity + one.elastic_energy(motion.displacement)
     }
 

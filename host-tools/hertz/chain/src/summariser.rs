@@ -171,8 +171,9 @@ fn energies(model: &Model, motion: StepMoment<'_>, bodies: &Range<usize>) -> [f6
     chain += contacts(model, bodies).map(elastic).sum::<f64>();
     let of_guest = |guest: usize| {
         let intruder = &model.intruders()[guest];
-        let (x, w) = motion.guest(guest);
-        kinetic(intruder.oscillator.mass, motion.body(intruder.bead).1 + w) + intruder.elastic_energy(x)
+        let x = motion.guest(guest).0;
+        let speed = motion.body(intruder.bead).1 + model.in_host(guest, |number| motion.guest(number).1);
+        kinetic(intruder.oscillator.mass, speed) + intruder.elastic_energy(x)
     };
     [chain, guests(model, bodies).map(of_guest).sum()]
 }
@@ -195,6 +196,9 @@ fn chain_rate(model: &Model, motion: StepMoment<'_>, moving: &[Range<usize>]) ->
         }
         for guest in guests(model, bodies) {
             let intruder = &model.intruders()[guest];
+            if intruder.carrier.is_some() {
+                continue;
+            }
             let (x, w) = motion.guest(guest);
             sum += intruder.pull(x, w) * motion.body(intruder.bead).1;
         }
@@ -489,10 +493,12 @@ impl ForceMaximum {
 
 impl IntruderMaxima {
     fn observe(&mut self, model: &Model, stepper: &mut Stepper, guest: usize, (from, to): (f64, f64)) {
-        let acceleration = |x: f64, w: f64| model.acceleration_at(guest, x, w);
-        let ends = stepper.guest_at_ends(guest);
-        let [places, accelerations] = [ends.map(|(x, _)| x), ends.map(|(x, w)| acceleration(x, w))];
+        let places = stepper.guest_at_ends(guest).map(|(x, _)| x);
+        let accelerations =
+            [0, 1].map(|end| model.acceleration_at(guest, |number| stepper.guest_at_ends(number)[end]));
         let mut glimpse = None;
+        // Of the intruders that it carries.
+        let mut others = Vec::new();
         let mut update = |maxima: &mut [Maximum; 2], values: [f64; 2], accelerates: bool| {
             for (maximum, sign) in maxima.iter_mut().zip([1.0, -1.0]) {
                 if (sign * values[0]).max(sign * values[1]) <= 0.5 * maximum.value {
@@ -500,16 +506,29 @@ impl IntruderMaxima {
                 }
                 glimpse = glimpse.take().or_else(|| stepper.glimpse_guest(guest, from));
                 let Some(glimpse) = &glimpse else { continue };
+                if accelerates && others.is_empty() {
+                    let carried = model.carried_by(guest);
+                    others.extend(
+                        carried.filter_map(|number| Some((number, stepper.glimpse_guest(number, from)?))),
+                    );
+                }
                 maximum.update(from, to, |t| {
                     let [x, w, rate] = glimpse.at(t);
-                    if accelerates {
-                        [
-                            sign * acceleration(x, w),
-                            sign * model.acceleration_rate_at(guest, (x, w, rate)),
-                        ]
-                    } else {
-                        [sign * x, sign * w]
+                    if !accelerates {
+                        return [sign * x, sign * w];
                     }
+                    let motion = |number: usize| {
+                        let other = others.iter().find(|(other, _)| *other == number);
+                        other.map_or([x, w, rate], |(_, glimpse)| glimpse.at(t))
+                    };
+                    let acceleration = model.acceleration_at(guest, |number| {
+                        let [x, w, _] = motion(number);
+                        (x, w)
+                    });
+                    [
+                        sign * acceleration,
+                        sign * model.acceleration_rate_at(guest, motion),
+                    ]
                 });
             }
         };

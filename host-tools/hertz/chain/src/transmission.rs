@@ -22,7 +22,12 @@ impl Scenario {
         for intruder in &mut fewer.intruders {
             intruder.beads.retain(|bead| kept.contains(bead));
         }
+        // Carriers are named by the numbers of their tables, which change with those that go.
+        let stays: Vec<bool> = fewer.intruders.iter().map(|one| !one.beads.is_empty()).collect();
         fewer.intruders.retain(|intruder| !intruder.beads.is_empty());
+        for inside in fewer.intruders.iter_mut().filter_map(|one| one.inside.as_mut()) {
+            *inside = stays[..*inside].iter().filter(|stays| **stays).count();
+        }
         fewer
     }
 }
@@ -109,5 +114,22 @@ mod tests {
         let first = |n| scenario.with_first_hosts(n).hosts();
         assert!(first(0).is_empty() && first(1) == [7]);
         assert_eq!((first(2), first(9)), (vec![7, 9], vec![7, 9, 12]));
+        // One in the intruder of bead 9, whose table is the first that is left.
+        scenario.intruders.swap(0, 1);
+        scenario.intruders.insert(
+            0,
+            crate::Intruder {
+                beads: vec![12],
+                ..one.clone()
+            },
+        );
+        scenario.intruders[2].beads = vec![7];
+        let inner = crate::Intruder {
+            beads: vec![9],
+            inside: Some(2),
+            ..one
+        };
+        scenario.intruders.push(inner);
+        assert_eq!(scenario.with_first_hosts(2).intruders[2].inside, Some(1));
     }
 }

@@ -2,8 +2,8 @@
 
     python springs_by_scipy.py
 
-Prints, for each case, displacement and velocity of each intruder relative to its host, the velocities of the bodies, and
-the energy dissipated by each intruder, all at the end.
+Prints, for each case, displacement and velocity of each intruder relative to what carries it, the velocities of the
+bodies, and the energy dissipated by each intruder, all at the end.
 """
 
 import math
@@ -33,28 +33,34 @@ STIFFNESS = [kappa(STRIKER, BEAD), kappa(BEAD, BEAD)]
 
 
 def solve(intruders):
-    """`intruders` are bead, mass, k, k3 and c of each."""
+    """`intruders` are bead, mass, k, k3, c and, if it is inside another intruder, that one's number of each."""
     shells = np.array(MASSES)
-    for bead, mass, *_ in intruders:
-        shells[bead] -= mass
     n, count = len(shells), len(intruders)
+    carriers, laws = [], []
+    for bead, mass, k, k3, c, *inside in intruders:
+        shells[bead] -= mass
+        carriers.append(n + inside[0] if inside else bead)
+        laws.append((mass, k, k3, c))
+    masses = np.concatenate([shells, [mass for mass, *_ in laws]])
 
     def rate(_, y):
         u, v = y[:n], y[n : 2 * n]
         places, speeds, _ = np.split(y[2 * n :], 3)
-        forces = np.zeros(n)
+        all_places, all_speeds = np.concatenate([u, places]), np.concatenate([v, speeds])
+        forces = np.zeros(n + count)
         for j, stiffness in enumerate(STIFFNESS):
             force = stiffness * max(u[j] - u[j + 1], 0.0) ** 1.5
             forces[j] -= force
             forces[j + 1] += force
-        accelerations, powers = np.zeros(count), np.zeros(count)
-        for i, (bead, mass, k, k3, c) in enumerate(intruders):
-            x, w = places[i] - u[bead], speeds[i] - v[bead]
+        powers = np.zeros(count)
+        for i, (carrier, (_, k, k3, c)) in enumerate(zip(carriers, laws)):
+            x, w = places[i] - all_places[carrier], speeds[i] - all_speeds[carrier]
             pull = k * x + k3 * x**3 + c * w
-            forces[bead] += pull
-            accelerations[i] = -pull / mass
+            forces[carrier] += pull
+            forces[n + i] -= pull
             powers[i] = c * w * w
-        return np.concatenate([v, forces / shells, speeds, accelerations, powers])
+        accelerations = forces / masses
+        return np.concatenate([v, accelerations[:n], speeds, accelerations[n:], powers])
 
     start = np.zeros(2 * n + 3 * count)
     start[n] = 0.45
@@ -62,8 +68,8 @@ def solve(intruders):
     end = solve_ivp(rate, (0, END), start, **options).y[:, -1]
     u, v = end[:n], end[n : 2 * n]
     places, speeds, lost = np.split(end[2 * n :], 3)
-    hosts = [bead for bead, *_ in intruders]
-    return places - u[hosts], speeds - v[hosts], v, lost
+    all_places, all_speeds = np.concatenate([u, places]), np.concatenate([v, speeds])
+    return places - all_places[carriers], speeds - all_speeds[carriers], v, lost
 
 
 CASES = {
@@ -71,6 +77,14 @@ CASES = {
     "softening": [(2, 3.7e-3, 3.95e5, -2e16, 12.0)],
     "both": [(1, 2e-3, 2e5, 5e16, 5.0), (2, 3.7e-3, 3.95e5, -1e16, 12.0)],
     "several in a bead": [(1, 2e-3, 2e5, 5e16, 5.0), (2, 3.7e-3, 3.95e5, 0.0, 12.0), (2, 1.5e-3, 9e5, 0.0, 3.0)],
+    "one in another": [(2, 3.7e-3, 3.95e5, 0.0, 12.0), (2, 0.8e-3, 3e5, 2e16, 2.0, 0)],
+    "two and one in another": [
+        (1, 2e-3, 2e5, 5e16, 5.0),
+        (2, 3.7e-3, 3.95e5, 0.0, 12.0),
+        (2, 0.8e-3, 3e5, 0.0, 2.0, 1),
+        (2, 0.3e-3, 2e5, 1e16, 1.0, 2),
+        (2, 0.5e-3, 4e5, 0.0, 3.0, 1),
+    ],
 }
 for name, intruders in CASES.items():
     print(name)

@@ -1,7 +1,5 @@
 //! Constants of the chains of a group: eight chains of one shape, each in a lane.
 
-use std::ops::Range;
-
 use super::eight::{Eight, LANES};
 use crate::model::Model;
 
@@ -11,8 +9,10 @@ pub(super) struct ChainShape {
     /// The striker and the beads.
     pub(super) bodies: usize,
     pub(super) walled: bool,
-    /// The beads that host an intruder, in order.
+    /// The bead that hosts each intruder, in order.
     pub(super) hosts: Vec<usize>,
+    /// The intruder that carries each one, an earlier one of the bead; the bead itself carries the others.
+    pub(super) carriers: Vec<Option<usize>>,
 }
 
 impl ChainShape {
@@ -21,6 +21,11 @@ impl ChainShape {
             bodies: model.bodies(),
             walled: model.contacts() == model.bodies(),
             hosts: model.intruders().iter().map(|intruder| intruder.bead).collect(),
+            carriers: model
+                .intruders()
+                .iter()
+                .map(|intruder| intruder.carrier)
+                .collect(),
         }
     }
 
@@ -29,10 +34,11 @@ impl ChainShape {
         self.bodies + usize::from(self.walled)
     }
 
-    /// The intruders of a body.
-    pub(super) fn guests(&self, body: usize) -> Range<usize> {
+    /// The intruders that a body carries itself.
+    pub(super) fn guests(&self, body: usize) -> impl Iterator<Item = usize> + '_ {
         let before = |body: usize| self.hosts.partition_point(|&host| host < body);
-        before(body)..before(body + 1)
+        let all = before(body)..before(body + 1);
+        all.filter(|&guest| self.carriers[guest].is_none())
     }
 }
 

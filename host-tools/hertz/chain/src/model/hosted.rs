@@ -1,13 +1,39 @@
 //! Intruders in their hosts.
 
 use crate::oscillator::Oscillator;
+use crate::scenario::Scenario;
 
-/// An intruder in its host.
+/// The intruders of a scenario in the order of their beads, those of a bead in the order of their tables. A
+/// carrier therefore precedes all that it carries.
+pub(super) fn of(scenario: &Scenario) -> Vec<HostedIntruder> {
+    let mut places: Vec<(usize, usize)> = (scenario.intruders.iter().enumerate())
+        .flat_map(|(table, intruder)| intruder.beads.iter().map(move |&bead| (bead, table)))
+        .collect();
+    places.sort_unstable();
+    let hosted = places.iter().map(|&(bead, table)| {
+        let intruder = &scenario.intruders[table];
+        HostedIntruder {
+            bead,
+            // Tables are counted from 1 there.
+            carrier: intruder
+                .inside
+                .and_then(|number| places.binary_search(&(bead, number - 1)).ok()),
+            oscillator: intruder.oscillator(),
+            cubic_stiffness: intruder.cubic_stiffness,
+        }
+    });
+    hosted.collect()
+}
+
+/// An intruder in its host, or in another intruder there.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct HostedIntruder {
     /// The host bead, from 1.
     pub bead: usize,
+    /// Number in [`Model::intruders`](crate::Model::intruders) of the intruder that carries it, an earlier one
+    /// of this bead; `None` if the bead itself does.
+    pub carrier: Option<usize>,
     /// Mass, stiffness and damping.
     pub oscillator: Oscillator,
     /// Cubic stiffness k₃, N/m³; zero for a linear spring.
@@ -15,8 +41,8 @@ pub struct HostedIntruder {
 }
 
 impl HostedIntruder {
-    /// Force k x + k₃ x³ + c x' of spring and damper on the host, N. `distance` is x, in m from the host;
-    /// `rate` is x', in m/s.
+    /// Force k x + k₃ x³ + c x' of spring and damper on the host or carrier, N. `distance` is x, in m from
+    /// that body; `rate` is x', in m/s.
     #[inline]
     pub(crate) fn pull(&self, distance: f64, rate: f64) -> f64 {
         let Oscillator {

@@ -152,6 +152,7 @@ impl Problem<'_> {
             stiffness,
             damping,
             cubic_stiffness: 0.0,
+            inside: None,
         };
         let hosts = self.hosts.iter().zip(design.iter().cycle());
         hosts.map(intruder).collect()

@@ -185,6 +185,7 @@ impl Search {
                     stiffness,
                     damping,
                     cubic_stiffness: 0.0,
+                    inside: None,
                 }];
                 let Accuracy { longest_step, .. } = Accuracy::DRAFT;
                 let run = Run::new(&struck, Accuracy::DRAFT);

@@ -320,6 +320,7 @@ impl Scenario {
                 at.claim("beads", bead, index, &mut owners)?;
             }
             intruder.check(&at)?;
+            self.check_inside(&at, index)?;
             if intruder.cubic_stiffness != 0.0 && self.chain.gravity > 0.0 {
                 let what =
                     "a spring that is not linear is another one when a weight hangs from it".to_owned();
@@ -341,6 +342,25 @@ impl Scenario {
                     return Err(at.error("mass", what, advice));
                 }
             }
+        }
+        Ok(())
+    }
+
+    /// Refuses intruders inside of others that are not there.
+    fn check_inside(&self, at: &TableCheck, index: usize) -> Result<(), InputError> {
+        let Intruder { beads, inside, .. } = &self.intruders[index];
+        let Some(number) = *inside else { return Ok(()) };
+        if !(1..=index).contains(&number) {
+            let what = format!("intruder[{number}] does not come before intruder[{}]", index + 1);
+            let advice = "give the number of an earlier [[intruder]] table, counted from 1, or leave it out: \
+                          then the bead itself carries the intruder";
+            return Err(at.error("inside", what, advice));
+        }
+        let carriers = &self.intruders[number - 1].beads;
+        if let Some(bead) = beads.iter().find(|bead| !carriers.contains(bead)) {
+            let what = format!("bead {bead} holds no intruder[{number}] that could carry this one");
+            let advice = format!("name beads of intruder[{number}] only, or add {bead} to them");
+            return Err(at.error("inside", what, advice));
         }
         Ok(())
     }

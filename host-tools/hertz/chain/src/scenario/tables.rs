@@ -132,7 +132,8 @@ pub struct Wall {
     pub gap: f64,
 }
 
-/// A mass on a spring and damper inside each of some beads. Its mass is part of the bead's, not added to it.
+/// A mass on a spring and damper inside each of some beads, or inside another intruder there. Its mass is part
+/// of the bead's, not added to it; it is not part of the other intruder's.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[non_exhaustive]
@@ -149,6 +150,10 @@ pub struct Intruder {
     /// Cubic stiffness k₃, N/m³: the spring's force is k x + k₃ x³. Below zero it softens.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub cubic_stiffness: f64,
+    /// Number of the earlier `[[intruder]]` table, counted from 1, whose intruders carry these ones: spring and
+    /// damper join the two, and not this one and the bead. Without it, the beads carry them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub inside: Option<usize>,
 }
 
 /// Beads unlike the rest. Each value given here replaces that of [`Chain`].
@@ -198,10 +203,10 @@ pub struct Start {
     /// presses the bead into one neighbour and takes it from the other.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub displacement: f64,
-    /// Displacement of the intruder in each at t = 0 relative to its host, m.
+    /// Displacement of the intruders in each at t = 0, of each relative to its host or carrier, m.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub intruder_displacement: f64,
-    /// Velocity of the intruder in each at t = 0 relative to its host, m/s.
+    /// Velocity of the intruders in each at t = 0, of each relative to its host or carrier, m/s.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub intruder_velocity: f64,
 }
@@ -364,6 +369,7 @@ impl Intruder {
             stiffness: oscillator.stiffness,
             damping: oscillator.damping,
             cubic_stiffness: 0.0,
+            inside: None,
         }
     }
 

@@ -91,7 +91,7 @@ impl Work {
         }
     }
 
-    /// Displacement of an intruder relative to its host.
+    /// Displacement of an intruder relative to its host or carrier.
     pub(super) fn glimpse_guest(
         &self,
         lanes: &Lanes,
@@ -100,7 +100,10 @@ impl Work {
         (from, to): (f64, f64),
     ) -> Glimpse {
         let (host, lane) = (lanes.guests.hosts[guest], lanes.guests.lane(guest));
+        let is_nested = lanes.guests.carriers[guest].is_some();
         let factor = |crossing: &Crossing| match crossing.lane {
+            // A contact accelerates the host, not the carrier.
+            _ if is_nested => 0.0,
             before if before == host => -lanes.inverse[host],
             behind if behind == host + 1 => lanes.inverse[host],
             _ => 0.0,

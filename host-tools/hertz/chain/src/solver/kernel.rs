@@ -374,12 +374,7 @@ fn stage<S: Simd<f64s = f64x8>, const GENERAL: bool, const POWERS_TOO: bool>(
             }
             if at > run.start + 1 {
                 let mut total = simd.sub_f64s(force_before, behind(force_before, force));
-                for guest in guests.of_block[at - 2].clone() {
-                    let seat = guests.seat(guest);
-                    let pull = simd.splat_f64s(pulls[seat / BLOCK][seat % BLOCK]);
-                    let one: f64x8 = pulp::cast(ONE[guests.hosts[guest] % BLOCK]);
-                    total = simd.add_f64s(total, simd.mul_f64s(pull, one));
-                }
+                total = pulled(simd, guests, pulls, at - 2, total);
                 let rate = simd.mul_f64s(total, pulp::cast(inverse[at - 1]));
                 rates[at - 1][number] = pulp::cast(rate);
             }
@@ -387,9 +382,9 @@ fn stage<S: Simd<f64s = f64x8>, const GENERAL: bool, const POWERS_TOO: bool>(
         }
     }
 
+    pull_carriers(guests, &work.active, pulls);
     for &at in &work.active_guests {
-        let pull = pulp::cast(pulls[at - guests.blocks.start]);
-        accelerate_guests(simd, guests, rates, number, (at, at == shared.0), pull);
+        accelerate_guests(simd, guests, rates, number, (at, at == shared.0), pulls);
     }
     work.wall_impulse += weight * wall_force;
     if let Some(powers) = powers {
@@ -444,8 +439,43 @@ fn drive_stage<S: Simd<f64s = f64x8>, const POWERS_TOO: bool>(
     }
 }
 
-/// Adds the accelerations of a block of intruders relative to their hosts. A shared block has those of its
-/// bodies.
+/// Adds the pulls of their own intruders to the forces on a block of bodies.
+#[inline(always)]
+fn pulled<S: Simd<f64s = f64x8>>(
+    simd: S,
+    guests: &Guests,
+    pulls: &[LaneBlock],
+    block: usize,
+    mut total: f64x8,
+) -> f64x8 {
+    for guest in guests.of_block[block].clone() {
+        if guests.carriers[guest].is_some() {
+            continue;
+        }
+        let seat = guests.seat(guest);
+        let pull = simd.splat_f64s(pulls[seat / BLOCK][seat % BLOCK]);
+        let one: f64x8 = pulp::cast(ONE[guests.hosts[guest] % BLOCK]);
+        total = simd.add_f64s(total, simd.mul_f64s(pull, one));
+    }
+    total
+}
+
+/// Takes the pulls of intruders in moving bodies from those of the intruders that carry them, once the hosts
+/// have theirs.
+fn pull_carriers(guests: &Guests, active: &[Range<usize>], pulls: &mut [LaneBlock]) {
+    for &guest in &guests.nested {
+        let moves = active
+            .iter()
+            .any(|run| run.contains(&guests.block_of_host(guest)));
+        if let Some(carrier) = guests.carriers[guest].filter(|_| moves) {
+            let (seat, of_carrier) = (guests.seat(guest), guests.seat(carrier));
+            pulls[of_carrier / BLOCK][of_carrier % BLOCK] -= pulls[seat / BLOCK][seat % BLOCK];
+        }
+    }
+}
+
+/// Adds the accelerations of a block of intruders relative to their hosts or carriers. A shared block has those
+/// of its bodies.
 #[inline(always)]
 fn accelerate_guests<S: Simd<f64s = f64x8>>(
     simd: S,
@@ -453,10 +483,11 @@ fn accelerate_guests<S: Simd<f64s = f64x8>>(
     rates: &mut [Rates],
     number: usize,
     (at, is_shared): (usize, bool),
-    pull: f64x8,
+    pulls: &[LaneBlock],
 ) {
-    let inverse = blocks(&guests.inverse)[at - guests.blocks.start];
-    let pulled = simd.mul_f64s(pull, pulp::cast(inverse));
+    let inverse = blocks(&guests.inverse);
+    let seats = at - guests.blocks.start;
+    let pulled = simd.mul_f64s(pulp::cast(pulls[seats]), pulp::cast(inverse[seats]));
     let of_bodies = if is_shared {
         pulp::cast(rates[at][number])
     } else {
@@ -464,10 +495,16 @@ fn accelerate_guests<S: Simd<f64s = f64x8>>(
     };
     let mut rate = simd.sub_f64s(of_bodies, pulled);
     for guest in guests.within(at) {
-        let host = guests.hosts[guest];
-        let of_host = simd.splat_f64s(rates[host / BLOCK][number][host % BLOCK]);
+        let of_carrier = if let Some(carrier) = guests.carriers[guest] {
+            let seat = guests.seat(carrier);
+            -pulls[seat / BLOCK][seat % BLOCK] * inverse[seat / BLOCK][seat % BLOCK]
+        } else {
+            let host = guests.hosts[guest];
+            rates[host / BLOCK][number][host % BLOCK]
+        };
+        let of_carrier = simd.splat_f64s(of_carrier);
         let lane = guests.lane(guest) % BLOCK;
-        rate = simd.sub_f64s(rate, simd.mul_f64s(of_host, pulp::cast(ONE[lane])));
+        rate = simd.sub_f64s(rate, simd.mul_f64s(of_carrier, pulp::cast(ONE[lane])));
     }
     rates[at][number] = pulp::cast(rate);
 }

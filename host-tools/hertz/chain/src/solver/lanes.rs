@@ -95,7 +95,7 @@ pub(crate) struct Lanes {
     pub(super) depth: f64,
 }
 
-/// The intruders, in the order of their hosts.
+/// The intruders, in the order of their hosts; a carrier precedes those that it carries.
 #[derive(Debug, Clone)]
 pub(super) struct Guests {
     pub(super) count: usize,
@@ -115,16 +115,31 @@ pub(super) struct Guests {
     pub(super) reaches: Vec<(usize, f64)>,
     /// Lane of each intruder's host.
     pub(super) hosts: Vec<usize>,
+    /// The intruder that carries each one; the host itself carries the others.
+    pub(super) carriers: Vec<Option<usize>>,
+    /// Intruders that another one carries, after it.
+    pub(super) nested: Vec<usize>,
     /// Intruders whose hosts are in each block of bodies.
     pub(super) of_block: Vec<Range<usize>>,
 }
 
 impl Guests {
-    /// Intruders of the body at a lane.
-    pub(super) fn of(&self, lane: usize) -> impl Iterator<Item = usize> + '_ {
+    /// Intruders in the body at a lane.
+    pub(super) fn in_body(&self, lane: usize) -> impl Iterator<Item = usize> + '_ {
         let range = self.of_block.get((lane / BLOCK).wrapping_sub(1));
         let range = range.cloned().unwrap_or_default();
         range.filter(move |&guest| self.hosts[guest] == lane)
+    }
+
+    /// Intruders that the body at a lane carries itself.
+    pub(super) fn of(&self, lane: usize) -> impl Iterator<Item = usize> + '_ {
+        self.in_body(lane)
+            .filter(move |&guest| self.carriers[guest].is_none())
+    }
+
+    /// Block of bodies that has the host of an intruder.
+    pub(super) fn block_of_host(&self, guest: usize) -> usize {
+        self.hosts[guest] / BLOCK - 1
     }
 
     #[inline(always)]
@@ -232,6 +247,7 @@ fn guests(model: &Model, blocks: usize) -> Guests {
     let seats = begin / BLOCK..(begin + count).div_ceil(BLOCK);
     let zeros = || CacheAligned::zeros(seats.len() * BLOCK);
     let hosts: Vec<usize> = intruders.iter().map(|intruder| BLOCK + intruder.bead).collect();
+    let carriers: Vec<_> = intruders.iter().map(|intruder| intruder.carrier).collect();
     let of_block = (0..blocks)
         .map(|block| {
             let until = |lane: usize| hosts.partition_point(|&host| host < lane);
@@ -262,6 +278,8 @@ fn guests(model: &Model, blocks: usize) -> Guests {
         cubic,
         reaches,
         hosts,
+        nested: (0..count).filter(|&guest| carriers[guest].is_some()).collect(),
+        carriers,
         of_block,
     }
 }

@@ -157,9 +157,14 @@ impl Calm {
             if lanes.inverse[lane] > 0.0 {
                 energy += 0.5 * v[lane] * v[lane] / lanes.inverse[lane];
             }
-            for guest in lanes.guests.of(lane) {
+            for guest in lanes.guests.in_body(lane) {
                 let (seat, at) = (lanes.guests.seat(guest), lanes.guests.lane(guest));
-                let speed = v[lane] + v[at];
+                let mut speed = v[lane] + v[at];
+                let mut inner = guest;
+                while let Some(carrier) = lanes.guests.carriers[inner] {
+                    speed += v[lanes.guests.lane(carrier)];
+                    inner = carrier;
+                }
                 energy += 0.5 * speed * speed / lanes.guests.inverse[seat];
                 let stiffness = lanes.guests.stiffness[seat] + 0.5 * lanes.guests.cubic(seat) * u[at] * u[at];
                 energy += 0.5 * stiffness * u[at] * u[at];

@@ -67,6 +67,26 @@ fn kinds() -> Vec<(&'static str, Scenario)> {
     let mut flying = plain(9, 0.0, 0.006);
     flying.starts = vec![Start::apart([1, 4, 7], 4e-4)];
 
+    // Intruders in intruders, up to three deep, in blocks that fall asleep and wake.
+    let mut nested = with_intruders(plain(26, 0.0, 0.006), &[3, 8, 9, 20]);
+    let carried = |beads: &[usize], mass: f64, carrier: usize| Intruder {
+        inside: Some(carrier),
+        ..Intruder::new(
+            beads.iter().copied(),
+            Oscillator {
+                mass,
+                stiffness: 3e5,
+                damping: 4.0,
+            },
+        )
+    };
+    nested.intruders = vec![
+        Intruder::new([3, 8, 9, 20], Oscillator::PAPER),
+        carried(&[3, 9, 20], 0.8e-3, 1),
+        carried(&[9, 20], 0.3e-3, 2),
+        carried(&[8, 9], 0.5e-3, 1),
+    ];
+
     let blocks = with_intruders(plain(41, 4.2e-6, 0.004), &[1, 7, 8, 15, 16, 17, 30]);
     vec![
         ("the paper's", hosting(plain(16, 4.2e-6, 0.003), [8])),
@@ -85,6 +105,7 @@ fn kinds() -> Vec<(&'static str, Scenario)> {
         ("flying", flying),
         ("opened", opened),
         ("opened and rough", opened_and_rough),
+        ("nested", nested),
     ]
 }
 
@@ -160,6 +181,7 @@ const TALLIES: &[(&str, [[usize; 4]; 2])] = &[
     ("flying", [[25, 464, 192, 192], [77, 1648, 608, 608]]),
     ("opened", [[24, 432, 384, 264], [103, 2256, 1648, 1133]]),
     ("opened and rough", [[32, 816, 512, 352], [100, 2320, 1600, 1100]]),
+    ("nested", [[95, 1888, 2040, 1915], [334, 6768, 7496, 6996]]),
     (
         "parted",
         [[654, 11696, 67416, 92984], [1841, 34272, 211760, 245112]],

@@ -50,6 +50,17 @@ fn what_is_absorbed_has_an_error_of_a_millionth_at_most() {
     let mut alone = elastic(1, 0.004);
     alone.intruders = vec![Intruder::new([1], Oscillator::PAPER)];
     scenarios.push(alone);
+    // One may carry others.
+    for depth in 1..3 {
+        let mut nested = draw.like_the_paper();
+        for carrier in 1..=depth {
+            let mut inner = softer([8]);
+            (inner.mass, inner.inside) = (0.7e-3, Some(carrier));
+            nested.intruders.push(inner);
+        }
+        nested.intruders.push(softer([8]));
+        scenarios.push(nested);
+    }
     for (scenario, outcome) in scenarios.iter().zip(all(&scenarios)) {
         let solution = exactly(scenario);
         let exact = solution.at(solution.end()).energies();

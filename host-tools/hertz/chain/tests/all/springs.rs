@@ -105,6 +105,8 @@ struct SpringCase {
     name: &'static str,
     /// Bead, mass, k, k₃ and c.
     intruders: &'static [(usize, f64, f64, f64, f64)],
+    /// Intruders that others carry, with the number of that one, both from 1.
+    inside: &'static [(usize, usize)],
     places: &'static [f64],
     speeds: &'static [f64],
     velocities: &'static [f64],
@@ -125,16 +127,20 @@ impl SpringCase {
             intruder
         };
         scenario.intruders = self.intruders.iter().map(intruder).collect();
+        for (inner, carrier) in self.inside {
+            scenario.intruders[inner - 1].inside = Some(*carrier);
+        }
         scenario
     }
 }
 
 /// Printed by `python tests/springs_by_scipy.py` (SciPy 1.17.1): DOP853 at a relative tolerance of 1e-13, in
 /// steps of up to 0.1 µs. Half as long steps change the velocities by up to 2e-11 of the striker's.
-const CASES: [SpringCase; 4] = [
+const CASES: [SpringCase; 6] = [
     SpringCase {
         name: "hardening",
         intruders: &[(2, 3.7e-3, 1e5, 2e16, 12.0)],
+        inside: &[],
         places: &[1.3679766905763452e-06],
         speeds: &[-0.007729706512687354],
         velocities: &[-0.3994565424293486, 0.0008451371387295508, 0.050452400295028885],
@@ -143,6 +149,7 @@ const CASES: [SpringCase; 4] = [
     SpringCase {
         name: "softening",
         intruders: &[(2, 3.7e-3, 3.95e5, -2e16, 12.0)],
+        inside: &[],
         places: &[7.39115119498604e-08],
         speeds: &[-0.011579417014964732],
         velocities: &[-0.39945654278423254, 0.0006823655758734123, 0.050894479011711395],
@@ -151,6 +158,7 @@ const CASES: [SpringCase; 4] = [
     SpringCase {
         name: "both",
         intruders: &[(1, 2e-3, 2e5, 5e16, 5.0), (2, 3.7e-3, 3.95e5, -1e16, 12.0)],
+        inside: &[],
         places: &[-6.4343929019107e-07, -4.0796408506773744e-07],
         speeds: &[-0.010273739083682764, -0.008124766588365057],
         velocities: &[-0.39779484771250395, 0.0012402765835146938, 0.05038958560970177],
@@ -163,6 +171,7 @@ const CASES: [SpringCase; 4] = [
             (2, 3.7e-3, 3.95e5, 0.0, 12.0),
             (2, 1.5e-3, 9e5, 0.0, 3.0),
         ],
+        inside: &[],
         places: &[
             -6.37200500942464e-07,
             -5.597480048508412e-07,
@@ -180,10 +189,52 @@ const CASES: [SpringCase; 4] = [
             5.552684421390595e-09,
         ],
     },
+    SpringCase {
+        name: "one in another",
+        intruders: &[(2, 3.7e-3, 3.95e5, 0.0, 12.0), (2, 0.8e-3, 3e5, 2e16, 2.0)],
+        inside: &[(2, 1)],
+        places: &[-7.001403567246322e-08, -1.2538687443118903e-07],
+        speeds: &[-0.013123418854058669, -0.0031843928277964506],
+        velocities: &[-0.3994565348201596, 0.0008571294717943089, 0.05108755824816104],
+        lost: &[1.5162451124511157e-06, 2.2921486892545483e-08],
+    },
+    SpringCase {
+        name: "two and one in another",
+        intruders: &[
+            (1, 2e-3, 2e5, 5e16, 5.0),
+            (2, 3.7e-3, 3.95e5, 0.0, 12.0),
+            (2, 0.8e-3, 3e5, 0.0, 2.0),
+            (2, 0.3e-3, 2e5, 1e16, 1.0),
+            (2, 0.5e-3, 4e5, 0.0, 3.0),
+        ],
+        inside: &[(3, 2), (4, 3), (5, 2)],
+        places: &[
+            -6.598909622066255e-07,
+            8.61314985790547e-07,
+            1.1856972812587026e-07,
+            4.0601581738430403e-08,
+            5.1708335079362884e-08,
+        ],
+        speeds: &[
+            -0.01024642273215603,
+            -0.015437913843928452,
+            -0.004981117476167595,
+            -0.0021445203466163125,
+            -0.0016777492589353238,
+        ],
+        velocities: &[-0.3977948297329075, 0.0017885025785173304, 0.05099173424842814],
+        lost: &[
+            2.75370581801085e-06,
+            1.7218511702817684e-06,
+            4.6443254883065434e-08,
+            4.83963157035969e-09,
+            4.056473985171458e-09,
+        ],
+    },
 ];
 
 #[test]
-fn struck_intruders_on_cubic_springs_move_as_an_independent_program_says() {
+fn struck_intruders_on_any_springs_and_in_others_move_as_an_independent_program_says() {
     for case in CASES {
         let solution = run(&case.scenario());
         let (end, summary) = (solution.at(1e-3), solution.summary());
@@ -251,6 +302,20 @@ fn what_no_spring_does_is_refused() {
         change(&mut scenario);
         scenario.check().expect_err("no spring does that").to_string()
     };
+    let itself = refusal(|one| one.intruders[0].inside = Some(1));
+    assert!(
+        itself.starts_with("intruder[1].inside: intruder[1] does not come before intruder[1]"),
+        "{itself}"
+    );
+    let empty = refusal(|one| {
+        one.chain.beads = 2;
+        one.intruders.push(Intruder::new([2], UNDAMPED));
+        one.intruders[1].inside = Some(1);
+    });
+    assert!(
+        empty.starts_with("intruder[2].inside: bead 2 holds no intruder[1]"),
+        "{empty}"
+    );
     let infinite = refusal(|one| one.intruders[0].cubic_stiffness = f64::INFINITY);
     assert!(
         infinite.starts_with("intruder[1].cubic_stiffness: inf is no cubic stiffness"),
