@@ -2,7 +2,9 @@
 
 use std::path::PathBuf;
 
-use hertz_chain::{Aim, Catalogue, Objective, OptimiseError, Search, SearchProgress, optimise as search_for};
+use hertz_chain::{
+    Aim, Catalogue, Objective, OptimiseError, Search, SearchProgress, Sizes, optimise as search_for,
+};
 use pyo3::prelude::*;
 
 use crate::callback::Callback;
@@ -13,7 +15,7 @@ use crate::scenario::Scenario;
 /// number of designs tried, the least share so far or None, and the number of descents; the search ends if it
 /// returns False.
 #[pyfunction]
-#[pyo3(signature = (scenario, hosts, total_mass, objective, loss_factor, stroke, catalogue, hosts_at_most, spread, speeds, worst, alike, evaluations, callback))]
+#[pyo3(signature = (scenario, hosts, total_mass, objective, loss_factor, stroke, catalogue, hosts_at_most, radii, spread, speeds, worst, alike, evaluations, callback))]
 #[expect(
     clippy::too_many_arguments,
     reason = "the Python function in front of it names them"
@@ -28,6 +30,7 @@ pub(crate) fn optimise(
     stroke: Option<f64>,
     catalogue: Option<PathBuf>,
     hosts_at_most: Option<usize>,
+    radii: Option<(Vec<usize>, [f64; 2])>,
     spread: Option<&str>,
     speeds: Vec<f64>,
     worst: bool,
@@ -43,6 +46,10 @@ pub(crate) fn optimise(
     let catalogue = catalogue.map(Catalogue::load).transpose();
     search.catalogue = catalogue.map_err(|error| ScenarioError::new_err(error.to_string()))?;
     search.hosts_at_most = hosts_at_most;
+    if let Some((beads, radius)) = radii {
+        let sizes = Sizes { beads, radius };
+        search.vary_sizes(&scenario.0, sizes).map_err(refused)?;
+    }
     if let Some(spread) = spread {
         search.spread = spread.parse().map_err(ScenarioError::new_err::<String>)?;
     }

@@ -272,6 +272,10 @@ class Inputs(unittest.TestCase):
         (spring,) = found.report["springs"]["springs"]
         (intruder,) = found.scenario.to_dict()["intruder"]
         self.assertEqual(spring["stiffness"], intruder["stiffness"])
+        found = hc.optimise(hc.Scenario.paper(), [8], 5e-3, radii=(range(10, 13), 0.015, 0.02), evaluations=1000)
+        sizes = {section["beads"][0]: section["radius"] for section in found.scenario.to_dict()["section"]}
+        self.assertEqual(sizes, {one["bead"]: one["radius_m"] for one in found.report["radii"]})
+        self.assertTrue(all(0.015 <= radius <= 0.02 for radius in sizes.values()) and len(sizes) == 3)
 
         def fails(*_):
             raise ZeroDivisionError("mine")

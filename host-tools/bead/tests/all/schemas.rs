@@ -151,7 +151,7 @@ fn results_of_simulations_hold_their_schemas() {
     hold(&folder, "optimise", search);
     let chosen = search.replace(
         "7,8",
-        "7,8,9 --hosts-at-most 2 --catalogue springs.toml --stroke 1e-4",
+        "7,8,9 --hosts-at-most 2 --catalogue springs.toml --stroke 1e-4 --radii 9-12:0.015:0.02",
     );
     hold(&folder, "optimise", &chosen);
     hold(&folder, "optimise-front", &search.replace("0.01", "0.005,0.01"));

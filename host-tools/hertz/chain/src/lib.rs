@@ -48,8 +48,8 @@ pub use flow::{Flow, Transfer};
 pub use injection::Injection;
 pub use model::{Contact, Energies, HostedIntruder, Model};
 pub use optimise::{
-    Aim, Catalogue, CatalogueSpring, Objective, OptimiseError, Optimum, Remaining, Robustness, Search,
-    SearchObserver, SearchProgress, Spread, SpringChoice, optimise, remaining,
+    Aim, BeadRadius, Catalogue, CatalogueSpring, Objective, OptimiseError, Optimum, Remaining, Robustness,
+    Search, SearchObserver, SearchProgress, Sizes, Spread, SpringChoice, optimise, remaining,
 };
 pub use oscillator::Oscillator;
 pub use oscillator_fit::{OscillatorFit, fit_response, fit_ring_down};

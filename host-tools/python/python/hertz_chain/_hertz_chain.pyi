@@ -62,6 +62,7 @@ def optimise(
     stroke: float | None,
     catalogue: str | None,
     hosts_at_most: int | None,
+    radii: tuple[list[int], tuple[float, float]] | None,
     spread: str | None,
     speeds: list[float],
     worst: bool,

@@ -151,6 +151,7 @@ def optimise(
     stroke: float | None = None,
     catalogue: str | os.PathLike[str] | None = None,
     hosts_at_most: int | None = None,
+    radii: tuple[Sequence[int], float, float] | None = None,
     spread: str | None = None,
     speeds: Sequence[float] = (),
     worst: bool = False,
@@ -173,6 +174,8 @@ def optimise(
         catalogue: a TOML file of springs (docs/optimise.md), of which each intruder gets one. `report["springs"]` has
             them, and the optimum with free stiffnesses.
         hosts_at_most: most of the hosts that hold an intruder; the search chooses them.
+        radii: beads whose radii may vary too, each by itself, with the least and the greatest in m, such as
+            `(range(10, 17), 0.012, 0.022)`. `report["radii"]` has those found.
         spread: deviations common to all intruders that the design is to bear, such as `stiffness:15%,damping:30%`; the
             worst of their corners counts. `report["robustness"]` has the optimum without them beside it.
         speeds: speeds of the striker, m/s; the scenario's own by default.
@@ -195,6 +198,7 @@ def optimise(
         stroke,
         None if catalogue is None else os.fspath(catalogue),
         hosts_at_most,
+        None if radii is None else (list(radii[0]), radii[1:]),
         spread,
         list(speeds),
         worst,

@@ -30,6 +30,8 @@ pub(crate) struct SearchReport {
     stroke_m: Option<f64>,
     /// Most of the beads that hold an intruder, if not all do.
     hosts_at_most: Option<usize>,
+    /// Least and greatest radius of the beads whose size the search varies.
+    radius_m: Option<Limits>,
     aim: Aim,
     optimum: Optimum,
     compared: Vec<OtherIntruders>,
@@ -80,6 +82,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         loss_factor: search.loss_factor,
         stroke_m: search.stroke,
         hosts_at_most: search.hosts_at_most,
+        radius_m: search.sizes.map(|sizes| sizes.radius),
         aim: search.aim,
         optimum,
         compared,
@@ -178,6 +181,7 @@ impl SearchReport {
             range(self.stiffness_n_per_m, 1e3),
         ));
         parts.push(self.intruders());
+        parts.extend(self.radius_m.map(|limits| self.radii(limits)));
         let optimum = &self.optimum;
         let strikes = optimum.strikes.iter().map(|strike| {
             let mut row = vec![strike.speed.to_string(), format!("{:.4}", strike.injected * 1e6)];
@@ -257,6 +261,15 @@ impl SearchReport {
         let name = name(optimum.objective);
         let header = format!("strike (m/s) | {name} ({unit}) | without intruders ({unit}) | part (%)");
         output::table(&header, rows)
+    }
+
+    fn radii(&self, [low, high]: Limits) -> String {
+        let rows = self.optimum.radii.iter().map(|one| {
+            let bound = one.radius < low * 1.0001 || one.radius > high * 0.9999;
+            let radius = format!("{:.3}{}", one.radius * 1e3, if bound { "*" } else { "" });
+            [one.bead.to_string(), radius]
+        });
+        output::table("bead | radius (mm)", rows)
     }
 
     fn intruders(&self) -> String {

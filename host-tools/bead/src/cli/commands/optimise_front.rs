@@ -18,6 +18,8 @@ pub(crate) struct FrontReport {
     stroke_m: Option<f64>,
     /// Most of the beads that hold an intruder, if not all do.
     hosts_at_most: Option<usize>,
+    /// Least and greatest radius of the beads whose size the searches vary.
+    radius_m: Option<[f64; 2]>,
     /// From the lightest to the heaviest.
     front: Vec<FrontPoint>,
 }
@@ -89,6 +91,7 @@ pub(crate) fn run(arguments: &Arguments, scenario: &Scenario) -> Result<(), Fail
         loss_factor: first.loss_factor,
         stroke_m: first.stroke,
         hosts_at_most: first.hosts_at_most,
+        radius_m: first.sizes.as_ref().map(|sizes| sizes.radius),
         front,
     };
     if let Some(picture) = picture {

@@ -4,8 +4,8 @@ use std::ops::ControlFlow;
 use std::sync::atomic::Ordering;
 
 use hertz_chain::{
-    Aim, Catalogue, InputError, Intruder, Objective, OptimiseError, Optimum, Search, SearchProgress, Spread,
-    optimise,
+    Aim, Catalogue, InputError, Intruder, Objective, OptimiseError, Optimum, Search, SearchProgress, Sizes,
+    Spread, optimise,
 };
 
 use crate::cli::beads::BeadNumbers;
@@ -37,6 +37,9 @@ The optimum with free stiffnesses is found first; then springs are exchanged unt
 
 --hosts-at-most says how many of the beads hold an intruder, and the search chooses which.
 
+--radii lets the sizes of some beads vary too, hosts or not, each by itself: 10-16:0.012:0.022 are beads 10 to 16 of \
+12 to 22 mm. Their material and the intruders' masses stay as they are.
+
 Examples:
   bead optimise docs/scenarios/ten-intruders.toml --bead 7-16 \\
       --total-mass 0.037
@@ -54,6 +57,8 @@ Examples:
       --total-mass 0.03 --catalogue docs/scenarios/springs.toml
   bead optimise docs/scenarios/ten-intruders.toml --bead 5-16 \\
       --total-mass 0.03 --hosts-at-most 3
+  bead optimise docs/scenarios/ten-intruders.toml --bead 7-9 \\
+      --total-mass 0.03 --radii 4-12:0.012:0.022
   bead optimise docs/scenarios/ten-intruders.toml --bead 7-9 \\
       --total-mass 0.12 --spread stiffness:15%,damping:30%
   bead simulate best.toml";
@@ -91,6 +96,9 @@ pub(crate) struct Arguments {
     /// Greatest number of the beads that hold an intruder; the search chooses them.
     #[arg(long, value_name = "N")]
     pub(super) hosts_at_most: Option<usize>,
+    /// Beads whose radii may vary too, each by itself, with the least and the greatest in m.
+    #[arg(long, value_name = "BEADS:LOW:HIGH", value_parser = radii)]
+    pub(super) radii: Option<(BeadNumbers, Limits)>,
     /// Quantity to make small: remaining, force:CONTACT, energy-behind:BEAD, impulse:CONTACT.
     #[arg(long, value_name = "WHAT", default_value = "remaining")]
     pub(super) objective: Objective,
@@ -134,10 +142,24 @@ fn bounds(text: &str) -> Result<Limits, String> {
     bounds.ok_or_else(|| "write the bounds as LOW:HIGH, such as 1e4:1e6".to_owned())
 }
 
+fn radii(text: &str) -> Result<(BeadNumbers, Limits), String> {
+    let (beads, limits) = text
+        .split_once(':')
+        .ok_or("write the beads and their bounds as BEADS:LOW:HIGH, such as 10-16:0.012:0.022")?;
+    Ok((beads.parse()?, bounds(limits)?))
+}
+
 /// The search that the options ask for, checked.
 pub(super) fn search(arguments: &Arguments, scenario: &Scenario, mass: f64) -> Result<Search, Failure> {
     let hosts = arguments.bead.listed(scenario)?;
     let mut search = Search::new(scenario, hosts, mass).map_err(refusal)?;
+    if let Some((beads, radius)) = &arguments.radii {
+        let sizes = Sizes {
+            beads: beads.listed(scenario)?,
+            radius: *radius,
+        };
+        search.vary_sizes(scenario, sizes).map_err(refusal)?;
+    }
     search.mass = arguments.mass.unwrap_or(search.mass);
     search.stiffness = arguments.stiffness.unwrap_or(search.stiffness);
     search.damping = arguments.damping.unwrap_or(search.damping);
@@ -201,6 +223,7 @@ fn refusal(error: OptimiseError) -> Failure {
             let option = match &*key {
                 "hosts" => "bead".to_owned(),
                 "speeds" => "velocity".to_owned(),
+                "sizes" => "radii".to_owned(),
                 key => key.replace('_', "-"),
             };
             failure!(Input, "--{option}: {what}; {advice}")

@@ -105,7 +105,7 @@ impl Problem<'_> {
         full: usize,
         aspect: Aspect,
     ) -> Result<TriedDesign, SimulateError> {
-        let variables = Variables::new(self.search, bounds, start.design.len());
+        let variables = Variables::new(self.search, bounds, start.design.intruders.len());
         let mut first = variables.of(&start.design);
         let mut limits = variables.bounds.clone();
         let parts = self.count_parts(bounds, aspect);

@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 use serde::Serialize;
 
+use super::design::{BeadRadius, Design, with_radii};
 use super::error::OptimiseError;
 use super::objective::Objective;
 use super::problem::{Problem, SearchObserver, TriedDesign};
@@ -20,11 +21,15 @@ use crate::simulate::{Accuracy, SimulateError};
 pub struct Optimum {
     /// One intruder a host, in the order of the beads.
     pub intruders: Vec<Intruder>,
+    /// The radii of the beads that the search could vary.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub radii: Vec<BeadRadius>,
     /// The quantity that was made small.
     pub objective: Objective,
     /// Its value at each speed, at [`Accuracy::REFERENCE`], in its own unit ([`Objective::unit`]).
     pub values: Vec<f64>,
-    /// Its value at each speed without intruders, of which shares are parts; 1 for [`Objective::Remaining`].
+    /// Its value at each speed without intruders, on the scenario's own beads, of which shares are parts; 1 for
+    /// [`Objective::Remaining`].
     pub without: Vec<f64>,
     /// Remaining energy at each speed, at [`Accuracy::REFERENCE`].
     pub strikes: Vec<Remaining>,
@@ -72,6 +77,9 @@ pub struct Robustness {
     pub worst_at: [f64; 2],
     /// The intruders that are best if nothing deviates.
     pub plain: Vec<Intruder>,
+    /// The radii of the beads that belong to them.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub plain_radii: Vec<BeadRadius>,
     /// Their share if nothing deviates.
     pub plain_share: f64,
     /// Their worst share.
@@ -85,11 +93,11 @@ pub struct Robustness {
 }
 
 impl Optimum {
-    /// The scenario with these intruders in place of its own.
+    /// The scenario with these intruders and radii in place of its own.
     pub fn scenario(&self, scenario: &Scenario) -> Scenario {
         Scenario {
             intruders: self.intruders.clone(),
-            ..scenario.clone()
+            ..with_radii(scenario, self.radii.iter().copied())
         }
     }
 }
@@ -123,7 +131,7 @@ pub fn optimise(
         return in_all_hosts(scenario, search, None, watch);
     };
     let chosen = Problem::new(scenario, search, watch)?.choose_hosts(most)?;
-    let mut found = in_all_hosts(scenario, &chosen.search, Some(&chosen.intruders), watch)?;
+    let mut found = in_all_hosts(scenario, &chosen.search, Some(chosen.design), watch)?;
     found.evaluations += chosen.sofar.evaluations;
     found.descents += chosen.sofar.descents;
     found.settled &= chosen.settled;
@@ -134,7 +142,7 @@ pub fn optimise(
 fn in_all_hosts(
     scenario: &Scenario,
     search: &Search,
-    first: Option<&[Intruder]>,
+    first: Option<Design>,
     watch: Option<&SearchObserver<'_>>,
 ) -> Result<Optimum, OptimiseError> {
     if search.spread.is_none() {
@@ -143,10 +151,11 @@ fn in_all_hosts(
     let mut exact = search.clone();
     exact.spread = Spread::default();
     let plain = best_of(scenario, &exact, first, watch)?;
-    let mut robust = best_of(scenario, search, Some(&plain.intruders), watch)?;
+    let first = Problem::new(scenario, search, None)?.design_of(&plain.intruders, &plain.radii);
+    let mut robust = best_of(scenario, search, Some(first), watch)?;
     let (mut worst, mut worst_at) = worst_of(scenario, search, &robust)?;
     let (plain_worst, plain_worst_at) = worst_of(scenario, search, &plain)?;
-    let plain_strokes = strokes_of(scenario, search, &plain.intruders)?;
+    let plain_strokes = strokes_of(&plain.scenario(scenario), search)?;
     if plain_worst < worst && keeps_limits(search, &plain, &plain_strokes) {
         // The search was stopped, or spent its evaluations, before it came as far as where it began.
         (worst, worst_at) = (plain_worst, plain_worst_at);
@@ -167,6 +176,7 @@ fn in_all_hosts(
         worst,
         worst_at,
         plain: plain.intruders,
+        plain_radii: plain.radii,
         plain_share: plain.share,
         plain_worst,
         plain_worst_at,
@@ -183,7 +193,7 @@ fn worst_of(
 ) -> Result<(f64, Deviation), SimulateError> {
     let speeds = search.strikes(scenario);
     let at = |deviation: Deviation| {
-        let mut other = scenario.clone();
+        let mut other = optimum.scenario(scenario);
         other.intruders = deviating(&optimum.intruders, deviation);
         let strikes = speeds.iter().zip(&optimum.without);
         let share = |(&speed, without): (&f64, &f64)| {
@@ -200,12 +210,8 @@ fn worst_of(
     Ok(worst.expect("a spread has corners"))
 }
 
-/// The greatest |x| of each intruder, m, at every speed and corner of the search's spread.
-fn strokes_of(
-    scenario: &Scenario,
-    search: &Search,
-    intruders: &[Intruder],
-) -> Result<Vec<f64>, SimulateError> {
+/// The greatest |x| of each intruder of a scenario, m, at every speed and corner of the search's spread.
+fn strokes_of(scenario: &Scenario, search: &Search) -> Result<Vec<f64>, SimulateError> {
     let speeds = search.strikes(scenario);
     let corners = search.spread.corners();
     let runs = corners
@@ -213,13 +219,13 @@ fn strokes_of(
         .flat_map(|&corner| speeds.iter().map(move |&speed| (corner, speed)));
     let strokes = runs.collect::<Vec<_>>().into_par_iter().map(|(corner, speed)| {
         let mut struck = struck_at(scenario, speed);
-        struck.intruders = deviating(intruders, corner);
+        struck.intruders = deviating(&scenario.intruders, corner);
         let options = EnsembleOptions::default().with_strokes();
         Ok(single(&struck, &options, Accuracy::REFERENCE)?.strokes().to_vec())
     });
     let strokes = strokes.collect::<Result<Vec<_>, SimulateError>>()?;
     let greatest = |host: usize| strokes.iter().map(|of| of[host]).fold(0.0, f64::max);
-    Ok((0..intruders.len()).map(greatest).collect())
+    Ok((0..scenario.intruders.len()).map(greatest).collect())
 }
 
 /// Returns true if the intruders of an optimum keep their limits with these strokes, m.
@@ -270,7 +276,7 @@ impl Problem<'_> {
     }
 
     /// Finds the best design, from `first` too.
-    fn find(&self, first: Option<&[Intruder]>) -> Result<Found, OptimiseError> {
+    fn find(&self, first: Option<Design>) -> Result<Found, OptimiseError> {
         let (search, bounds) = (self.search, [self.bounds]);
         let coarse = self.coarse()?;
         let alone = search.alike || self.hosts.len() == 1;
@@ -281,7 +287,7 @@ impl Problem<'_> {
         }
         let share_alike = best.value;
         if let Some(first) = first {
-            let found = self.descend(self.start_at(first), &bounds, self.left() / 4)?;
+            let found = self.descend(TriedDesign::untried(first), &bounds, self.left() / 4)?;
             take(&mut best, found);
         }
         if !alone {
@@ -322,7 +328,9 @@ impl Problem<'_> {
         let Some(limit) = self.search.stroke.filter(|_| best.excess > 0.0) else {
             return Ok(());
         };
-        let strokes = strokes_of(&self.bare, self.search, &self.intruders(&best.design))?;
+        let mut scenario = self.sized(&best.design);
+        scenario.intruders = self.intruders(&best.design);
+        let strokes = strokes_of(&scenario, self.search)?;
         let least = strokes.into_iter().fold(0.0, f64::max);
         let what =
             format!("no design keeps to {limit:e} m; the least stroke that was reached is {least:.3e} m");
@@ -339,7 +347,7 @@ impl Problem<'_> {
         for intruder in &mut intruders {
             intruder.mass *= (search.total_mass / total).min(1.0);
         }
-        let mut scenario = self.bare.clone();
+        let mut scenario = self.sized(&best.design);
         scenario.intruders.clone_from(&intruders);
         let strikes = self.strikes(&scenario, Accuracy::REFERENCE)?;
         let mut longer = scenario.clone();
@@ -356,8 +364,9 @@ impl Problem<'_> {
             .map(|(share, longer)| (share - longer).abs())
             .fold(0.0, f64::max);
         Ok(Optimum {
-            strokes: strokes_of(&self.bare, search, &intruders)?,
+            strokes: strokes_of(&scenario, search)?,
             intruders,
+            radii: self.radii(&best.design),
             objective: search.objective,
             values,
             without: self.scales.clone(),
@@ -381,7 +390,7 @@ impl Problem<'_> {
 fn best_of(
     scenario: &Scenario,
     search: &Search,
-    first: Option<&[Intruder]>,
+    first: Option<Design>,
     watch: Option<&SearchObserver<'_>>,
 ) -> Result<Optimum, OptimiseError> {
     let problem = Problem::new(scenario, search, watch)?;

@@ -10,19 +10,18 @@
 
 use std::collections::HashSet;
 
-use super::bounds::Properties;
+use super::design::Design;
 use super::error::OptimiseError;
 use super::problem::{Problem, SearchProgress, TriedDesign};
 use super::search::Search;
-use crate::scenario::Intruder;
 use crate::simulate::SimulateError;
 
 /// The end of the search for hosts.
 pub(super) struct ChosenHosts {
     /// The search for intruders in them alone.
     pub(super) search: Search,
-    /// Good intruders for them.
-    pub(super) intruders: Vec<Intruder>,
+    /// A good design for them.
+    pub(super) design: Design,
     /// Progress of the search.
     pub(super) sofar: SearchProgress,
     /// True if no move gains.
@@ -52,9 +51,8 @@ impl Problem<'_> {
         }
         settled &= self.left() > 0 && !self.stopped.get();
         let search = self.for_hosts(now.hosts);
-        let problem = self.on(&search);
         Ok(ChosenHosts {
-            intruders: problem.intruders(&now.best.design),
+            design: now.best.design,
             sofar: self.sofar.get(),
             settled,
             search,
@@ -112,8 +110,8 @@ impl Problem<'_> {
         let dropped = places.map(|place| {
             let (mut hosts, mut design) = (now.hosts.clone(), now.best.design.clone());
             hosts.remove(place);
-            if design.len() > 1 {
-                design.remove(place);
+            if design.intruders.len() > 1 {
+                design.intruders.remove(place);
             }
             (hosts, design)
         });
@@ -123,7 +121,7 @@ impl Problem<'_> {
             let mut hosts = now.hosts.clone();
             hosts.pop();
             let mut design = now.best.design.clone();
-            design.truncate(hosts.len());
+            design.intruders.truncate(hosts.len());
             (hosts, TriedDesign::untried(design))
         });
         let best = self.in_hosts(&hosts, |problem| {
@@ -150,8 +148,9 @@ impl Problem<'_> {
                 }
                 // Good intruders become stiffer along the hosts, so all of them may have to move on by one.
                 moves.push((hosts.clone(), design.clone()));
-                if design.len() > 1 && !order.is_sorted() {
-                    design = order.iter().map(|&place| now.best.design[place]).collect();
+                if design.intruders.len() > 1 && !order.is_sorted() {
+                    let moved = order.iter().map(|&place| now.best.design.intruders[place]);
+                    design.intruders = moved.collect();
                     moves.push((hosts, design));
                 }
             }
@@ -179,7 +178,7 @@ impl Problem<'_> {
     /// Designs of other hosts as they are, the best first; those tried before the search was stopped.
     fn ranked(
         &self,
-        designs: Vec<(Vec<usize>, Vec<Properties>)>,
+        designs: Vec<(Vec<usize>, Design)>,
     ) -> Result<Vec<(Vec<usize>, TriedDesign)>, SimulateError> {
         let mut ranked = Vec::new();
         for (hosts, design) in designs {

@@ -8,8 +8,8 @@
 //! time. It is decided once the last of the wave has passed the hosts; the scenario's duration states how
 //! long to wait for that. Energy that the striker keeps or gets back is not injected.
 //!
-//! A design has three numbers for each host. Stiffness and damping are searched as logarithms and masses as
-//! they are, which makes the bound on their sum linear. First all intruders are alike, and the best design of
+//! A design has three numbers for each host, and a radius for each bead of [`Sizes`]. Stiffness, damping and
+//! radius are searched as logarithms and masses as they are, which makes the bound on their sum linear. First all intruders are alike, and the best design of
 //! a grid is improved. Then each intruder varies by itself, starting from there, from stiffnesses that rise
 //! or fall along the hosts by `RAMP`, and from fresh starts about the best, until three in succession find
 //! nothing better. Derivatives are differences of runs to either side, all in one
@@ -28,6 +28,7 @@
 mod bounds;
 mod catalogue;
 mod descent;
+mod design;
 mod error;
 mod find;
 mod hosts;
@@ -40,6 +41,7 @@ mod springs;
 mod variables;
 
 pub use catalogue::{Catalogue, CatalogueSpring};
+pub use design::{BeadRadius, Sizes};
 pub use error::OptimiseError;
 pub use find::{Optimum, Robustness, optimise};
 pub use objective::Objective;

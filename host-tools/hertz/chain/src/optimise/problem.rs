@@ -6,6 +6,7 @@ use std::ops::ControlFlow;
 use rayon::prelude::*;
 
 use super::bounds::{Bounds, Properties, excess};
+use super::design::{BeadRadius, Design, with_radii};
 use super::error::OptimiseError;
 use super::remaining::{Remaining, remaining, struck_at};
 use super::search::{COARSE, Search};
@@ -33,8 +34,7 @@ pub type SearchObserver<'a> = dyn Fn(SearchProgress) -> ControlFlow<()> + Sync +
 /// A design and its value of the objective.
 #[derive(Debug, Clone)]
 pub(super) struct TriedDesign {
-    /// One entry for each host, or one for all.
-    pub(super) design: Vec<Properties>,
+    pub(super) design: Design,
     pub(super) value: f64,
     /// Greatest overreach of its strokes; 0 if they keep their limits.
     pub(super) excess: f64,
@@ -43,7 +43,7 @@ pub(super) struct TriedDesign {
 
 impl TriedDesign {
     /// A design that has not been tried.
-    pub(super) fn untried(design: Vec<Properties>) -> Self {
+    pub(super) fn untried(design: Design) -> Self {
         Self {
             design,
             value: f64::INFINITY,
@@ -144,8 +144,22 @@ impl<'a> Problem<'a> {
 }
 
 impl Problem<'_> {
+    /// Returns the radii of a design with the beads that have them.
+    pub(super) fn radii(&self, design: &Design) -> Vec<BeadRadius> {
+        let beads = self.search.sizes.iter().flat_map(|sizes| &sizes.beads);
+        let radii = beads.zip(&design.radii);
+        radii
+            .map(|(&bead, &radius)| BeadRadius { bead, radius })
+            .collect()
+    }
+
+    /// Returns the chain of a design without its intruders.
+    pub(super) fn sized(&self, design: &Design) -> Scenario {
+        with_radii(&self.bare, self.radii(design))
+    }
+
     /// Returns the intruders of a design, all alike if it has one entry.
-    pub(super) fn intruders(&self, design: &[Properties]) -> Vec<Intruder> {
+    pub(super) fn intruders(&self, design: &Design) -> Vec<Intruder> {
         let intruder = |(&bead, &[mass, stiffness, damping]): (&usize, &Properties)| Intruder {
             beads: vec![bead],
             mass,
@@ -154,7 +168,7 @@ impl Problem<'_> {
             cubic_stiffness: 0.0,
             inside: None,
         };
-        let hosts = self.hosts.iter().zip(design.iter().cycle());
+        let hosts = self.hosts.iter().zip(design.intruders.iter().cycle());
         hosts.map(intruder).collect()
     }
 
@@ -183,7 +197,7 @@ impl Problem<'_> {
     /// was asked to stop.
     pub(super) fn try_designs(
         &self,
-        designs: &[Vec<Properties>],
+        designs: &[Design],
         strokes: bool,
     ) -> Result<Vec<DesignValues>, SimulateError> {
         let objective = self.search.objective;
@@ -200,10 +214,10 @@ impl Problem<'_> {
             }
             let mut scenarios = Vec::new();
             for design in designs {
-                let intruders = self.intruders(design);
+                let (intruders, sized) = (self.intruders(design), self.sized(design));
                 for &corner in &corners {
                     for &speed in &self.speeds {
-                        let mut scenario = struck_at(&self.bare, speed);
+                        let mut scenario = struck_at(&sized, speed);
                         scenario.intruders = deviating(&intruders, corner);
                         scenarios.push(scenario);
                     }
@@ -244,7 +258,7 @@ impl Problem<'_> {
     }
 
     /// Tries one design; `None` if the search was stopped.
-    pub(super) fn tried(&self, design: Vec<Properties>) -> Result<Option<TriedDesign>, SimulateError> {
+    pub(super) fn tried(&self, design: Design) -> Result<Option<TriedDesign>, SimulateError> {
         let strokes = self.bounds.stroke.is_finite();
         let values = self.try_designs(std::slice::from_ref(&design), strokes)?;
         let bounds = [self.bounds];
@@ -291,7 +305,10 @@ impl Problem<'_> {
             let mass = (heaviest * 0.5f64.powi(i as i32)).max(search.mass[0]);
             let stiffness = inside(search.stiffness, rest / dampings, stiffnesses);
             let damping = inside(search.damping, rest % dampings, dampings);
-            vec![self.bounds.tied([mass, stiffness, damping])]
+            Design {
+                intruders: vec![self.bounds.tied([mass, stiffness, damping])],
+                radii: search.own_radii(&self.bare),
+            }
         };
         let designs: Vec<_> = (0..masses * stiffnesses * dampings).map(point).collect();
         let bounds = [self.bounds];
@@ -318,22 +335,28 @@ impl Problem<'_> {
         Ok(starts.into_iter().flatten().cloned().collect())
     }
 
-    /// Returns the design of these intruders.
-    pub(super) fn start_at(&self, intruders: &[Intruder]) -> TriedDesign {
+    /// Returns the design of these intruders and radii.
+    pub(super) fn design_of(&self, intruders: &[Intruder], radii: &[BeadRadius]) -> Design {
         let entries = if self.search.alike { 1 } else { intruders.len() };
         let of = |intruder: &Intruder| [intruder.mass, intruder.stiffness, intruder.damping];
-        TriedDesign::untried(intruders[..entries].iter().map(of).collect())
+        Design {
+            intruders: intruders[..entries].iter().map(of).collect(),
+            radii: radii.iter().map(|one| one.radius).collect(),
+        }
     }
 
     /// Returns the designs from which each intruder varies by itself.
     pub(super) fn starts(&self, alike: &TriedDesign) -> Vec<TriedDesign> {
         let middle = (self.hosts.len() - 1) as f64 / 2.0;
         let [low, high] = self.search.stiffness;
-        let [mass, stiffness, damping] = alike.design[0];
+        let [mass, stiffness, damping] = alike.design.intruders[0];
         let start = |slope: f64| {
             let ramp = |index: usize| RAMP.powf(slope * (index as f64 - middle) / middle);
             let of_host = |index| [mass, (stiffness * ramp(index)).clamp(low, high), damping];
-            let mut start = TriedDesign::untried((0..self.hosts.len()).map(of_host).collect());
+            let mut start = TriedDesign::untried(Design {
+                intruders: (0..self.hosts.len()).map(of_host).collect(),
+                radii: alike.design.radii.clone(),
+            });
             if slope == 0.0 {
                 (start.value, start.excess) = (alike.value, alike.excess);
             }
@@ -354,12 +377,21 @@ impl Problem<'_> {
             let part = (state >> 11) as f64 / (1_u64 << 53) as f64;
             apart.powf(2.0 * part - 1.0)
         };
-        let mut design: Vec<Properties> = best.design.clone();
-        design.iter_mut().flatten().for_each(|value| *value *= factor());
-        let each = if design.len() == 1 { self.hosts.len() } else { 1 };
-        let total = each as f64 * design.iter().map(|[mass, ..]| mass).sum::<f64>();
+        let mut design = best.design.clone();
+        let intruders = &mut design.intruders;
+        intruders
+            .iter_mut()
+            .flatten()
+            .for_each(|value| *value *= factor());
+        let each = if intruders.len() == 1 { self.hosts.len() } else { 1 };
+        let total = each as f64 * intruders.iter().map(|[mass, ..]| mass).sum::<f64>();
         let most = (self.search.total_mass / total).min(1.0);
-        design.iter_mut().for_each(|[mass, ..]| *mass *= most);
+        intruders.iter_mut().for_each(|[mass, ..]| *mass *= most);
+        // A bead's mass goes as the cube of its radius.
+        design
+            .radii
+            .iter_mut()
+            .for_each(|radius| *radius *= factor().cbrt());
         TriedDesign::untried(design)
     }
 }

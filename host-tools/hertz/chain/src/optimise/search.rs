@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use super::bounds::Bounds;
 use super::catalogue::{Catalogue, CatalogueSpring, LOSS_FACTOR_MOST};
+use super::design::{BeadRadius, Sizes, with_radii};
 use super::error::OptimiseError;
 use super::objective::Objective;
 use super::remaining::{needs_strike, struck_at};
@@ -37,6 +38,8 @@ pub struct Search {
     pub catalogue: Option<Catalogue>,
     /// Most of the hosts that hold an intruder; without it, all do.
     pub hosts_at_most: Option<usize>,
+    /// Beads whose radii may vary too; without it, none do.
+    pub sizes: Option<Sizes>,
     /// The quantity of each strike to be made small.
     pub objective: Objective,
     /// Speeds of the striker, m/s; without any, the scenario's own.
@@ -86,7 +89,7 @@ impl Search {
     pub fn new(scenario: &Scenario, hosts: Vec<usize>, total_mass: f64) -> Result<Self, OptimiseError> {
         scenario.check()?;
         check_hosts(scenario, &hosts, total_mass).map_err(OptimiseError::Search)?;
-        let (_, host) = lightest(scenario, &hosts);
+        let (_, host) = lightest(scenario, &hosts, None);
         let rate = std::f64::consts::PI / Model::new(scenario).shortest_contact();
         let heaviest = 0.5 * host;
         Ok(Self {
@@ -99,6 +102,7 @@ impl Search {
             stroke: None,
             catalogue: None,
             hosts_at_most: None,
+            sizes: None,
             objective: Objective::default(),
             speeds: Vec::new(),
             aim: Aim::default(),
@@ -106,6 +110,20 @@ impl Search {
             alike: false,
             evaluations: 200_000,
         })
+    }
+
+    /// Lets the radii of some beads vary too. The masses of intruders go up to half the lightest host at its
+    /// smallest from now on.
+    ///
+    /// # Errors
+    /// [`OptimiseError`]: the sizes name other beads than the chain's, or no range of radii.
+    pub fn vary_sizes(&mut self, scenario: &Scenario, sizes: Sizes) -> Result<(), OptimiseError> {
+        sizes.check(scenario).map_err(OptimiseError::Search)?;
+        let heaviest = 0.5 * lightest(scenario, &self.hosts, Some(&sizes)).1;
+        let each = self.total_mass / self.hosts.len() as f64;
+        self.mass = [0.02 * heaviest.min(each), heaviest];
+        self.sizes = Some(sizes);
+        Ok(())
     }
 
     /// Speeds of the strikes, m/s.
@@ -124,6 +142,25 @@ impl Search {
             loss_factor: self.loss_factor,
             stroke: self.stroke.unwrap_or(f64::INFINITY),
         }
+    }
+
+    /// The scenario with the least radius of each bead that may vary.
+    fn smallest(&self, scenario: &Scenario) -> Scenario {
+        let least = self.sizes.iter().flat_map(|sizes| {
+            let radius = sizes.radius[0];
+            sizes.beads.iter().map(move |&bead| BeadRadius { bead, radius })
+        });
+        with_radii(scenario, least)
+    }
+
+    /// The scenario's own radii of the beads that may vary, or the nearest that they may have, m.
+    pub(super) fn own_radii(&self, scenario: &Scenario) -> Vec<f64> {
+        let Some(sizes) = &self.sizes else {
+            return Vec::new();
+        };
+        let ([low, high], spheres) = (sizes.radius, scenario.spheres());
+        let own = |&bead: &usize| spheres[bead - 1].radius.clamp(low, high);
+        sizes.beads.iter().map(own).collect()
     }
 
     /// The values of which a search makes the greatest small, given those of all strikes at one corner of the
@@ -178,7 +215,7 @@ impl Search {
             ("mass", mass[0], tied(mass[0], stiffness[1])),
         ] {
             for speed in self.strikes(scenario) {
-                let mut struck = struck_at(scenario, speed);
+                let mut struck = struck_at(&self.smallest(scenario), speed);
                 struck.intruders = vec![Intruder {
                     beads: self.hosts.clone(),
                     mass,
@@ -230,10 +267,18 @@ impl Search {
                 TableCheck::of("").check(key, bound, ValueRange::Positive(unit))?;
             }
         }
-        let (bead, host) = lightest(scenario, &self.hosts);
+        if let Some(sizes) = &self.sizes {
+            sizes.check(scenario)?;
+        }
+        let (bead, host) = lightest(scenario, &self.hosts, self.sizes.as_ref());
         let [least, greatest] = self.mass;
         if greatest >= host {
-            let what = format!("{greatest} kg is as heavy as bead {bead} of {host:.3e} kg");
+            let smallest = if self.sizes.is_some() {
+                "at its smallest "
+            } else {
+                ""
+            };
+            let what = format!("{greatest} kg is as heavy as bead {bead} {smallest}of {host:.3e} kg");
             return Err(InputError::at("mass", what, "let the greatest mass be less"));
         }
         let (count, total) = (self.hosts.len(), self.total_mass);
@@ -266,13 +311,44 @@ impl Search {
     }
 }
 
+impl Sizes {
+    fn check(&self, scenario: &Scenario) -> Result<(), InputError> {
+        let mut taken = vec![None; scenario.chain.beads];
+        if self.beads.is_empty() {
+            let advice = "name at least one, or leave the sizes out";
+            return Err(InputError::at("sizes", "names no bead", advice));
+        }
+        for &bead in &self.beads {
+            TableCheck::of("").claim("sizes", bead, 0, &mut taken)?;
+        }
+        let [low, high] = self.radius;
+        for radius in self.radius {
+            TableCheck::of("").check("sizes", radius, ValueRange::Positive("m, such as 0.019"))?;
+        }
+        if low >= high {
+            let what = format!("{low} to {high} m is no range to search");
+            return Err(InputError::at(
+                "sizes",
+                what,
+                "give two radii in m, the lesser first",
+            ));
+        }
+        Ok(())
+    }
+}
+
 /// Points of the coarse grid in mass, stiffness, damping.
 pub(super) const COARSE: [usize; 3] = [2, 9, 7];
 
-/// The host of least mass and its mass, kg.
-fn lightest(scenario: &Scenario, hosts: &[usize]) -> (usize, f64) {
+/// The host of least mass and its mass, kg, each at its least radius.
+fn lightest(scenario: &Scenario, hosts: &[usize], sizes: Option<&Sizes>) -> (usize, f64) {
     let beads = scenario.spheres();
-    let masses = hosts.iter().map(|&bead| (bead, beads[bead - 1].mass()));
+    let masses = hosts.iter().map(|&bead| {
+        let mut sphere = beads[bead - 1];
+        let sizes = sizes.filter(|sizes| sizes.beads.contains(&bead));
+        sphere.radius = sizes.map_or(sphere.radius, |sizes| sizes.radius[0]);
+        (bead, sphere.mass())
+    });
     let least = masses.min_by(|a, b| a.1.total_cmp(&b.1));
     least.expect("hosts have been checked to be there")
 }
@@ -294,7 +370,7 @@ fn check_hosts(scenario: &Scenario, hosts: &[usize], total: f64) -> Result<(), I
         TableCheck::of("").claim("hosts", host, 0, &mut taken)?;
     }
     TableCheck::of("").check("total_mass", total, ValueRange::Positive("kg, such as 0.037"))?;
-    let (bead, host) = lightest(scenario, hosts);
+    let (bead, host) = lightest(scenario, hosts, None);
     let most = host * count as f64;
     if total >= most {
         let what =

@@ -66,7 +66,7 @@ impl Problem<'_> {
                 .min_by(|&a, &b| distance(springs[a], stiffness).total_cmp(&distance(springs[b], stiffness)));
             nearest.expect("a catalogue without usable springs was refused")
         };
-        let mut choice: Choice = free.design.iter().map(nearest).collect();
+        let mut choice: Choice = free.design.intruders.iter().map(nearest).collect();
         let mut tried = HashSet::from([choice.clone()]);
         let mut best = self.with_springs(springs, &choice, free)?;
         let mut settled = true;

@@ -1,13 +1,15 @@
 //! Variables of a descent, between the bounds of a design.
 
 use super::bounds::{Bounds, Properties};
+use super::design::Design;
 use super::search::Search;
 
 /// Change of a variable to either side, for a difference quotient.
 const STEP: f64 = 2e-3;
 
 /// Variables of a descent, all of order one, for each entry of a design: the mass as a part of the total mass
-/// for one host, and the logarithms of stiffness and damping. Values that are fixed or tied have none.
+/// for one host, and the logarithms of stiffness and damping. Values that are fixed or tied have none. The
+/// logarithms of the radii that vary follow.
 pub(super) struct Variables {
     /// Bounds of each entry.
     entries: Vec<Bounds>,
@@ -39,6 +41,11 @@ impl Variables {
                 limits.push((low, high));
             }
         }
+        let sizes = search.sizes.iter().flat_map(|sizes| {
+            let [low, high] = sizes.radius.map(f64::ln);
+            std::iter::repeat_n((low, high), sizes.beads.len())
+        });
+        limits.extend(sizes);
         Self {
             entries,
             each,
@@ -48,22 +55,33 @@ impl Variables {
     }
 
     /// Returns the variables of a design, clamped to the bounds.
-    pub(super) fn of(&self, design: &[Properties]) -> Vec<f64> {
-        let of = |(&(entry, property), &(low, high)): (&(usize, usize), &(f64, f64))| {
-            variable(self.each, property, design[entry][property]).clamp(low, high)
+    pub(super) fn of(&self, design: &Design) -> Vec<f64> {
+        let of = |&(entry, property): &(usize, usize)| {
+            variable(self.each, property, design.intruders[entry][property])
         };
-        self.free.iter().zip(&self.bounds).map(of).collect()
+        let values = self
+            .free
+            .iter()
+            .map(of)
+            .chain(design.radii.iter().map(|radius| radius.ln()));
+        let clamped = values.zip(&self.bounds);
+        clamped
+            .map(|(value, &(low, high))| value.clamp(low, high))
+            .collect()
     }
 
     /// Returns the design of these variables.
-    pub(super) fn design(&self, x: &[f64]) -> Vec<Properties> {
+    pub(super) fn design(&self, x: &[f64]) -> Design {
         let fixed = |bounds: &Bounds| bounds.properties.map(|[low, _]| low);
         let mut design: Vec<Properties> = self.entries.iter().map(fixed).collect();
         for (&(entry, property), &x) in self.free.iter().zip(x) {
             design[entry][property] = if property == MASS { x * self.each } else { x.exp() };
         }
         let entries = design.into_iter().zip(&self.entries);
-        entries.map(|(entry, bounds)| bounds.tied(entry)).collect()
+        Design {
+            intruders: entries.map(|(entry, bounds)| bounds.tied(entry)).collect(),
+            radii: x[self.free.len()..].iter().map(|x| x.exp()).collect(),
+        }
     }
 
     /// Returns the mass of a design's intruders above the bound, as a part of the bound; at most 0 within it.

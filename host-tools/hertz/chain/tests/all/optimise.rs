@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use crate::common::{close, elastic, run, softer};
 use hertz_chain::{
     Accuracy, Aim, Catalogue, Drive, DriveQuantity, Intruder, Objective, OptimiseError, Optimum, Oscillator,
-    Scenario, Search, SearchProgress, Spread, Start, optimise, remaining,
+    Scenario, Search, SearchProgress, Section, Sizes, Spread, Start, optimise, remaining,
 };
 
 /// A strike on twenty elastic beads, over before the wave has reached the last.
@@ -92,6 +92,81 @@ fn a_range_of_strikes_gives_a_compromise() {
     // At the least of the greater share neither is greater, or a step would lower it further.
     close(fair[0], fair[1], 2e-6);
     assert!(mean(middle) < mean(slow).min(mean(fast)).min(mean(fair)));
+}
+
+/// The sizes of these beads, free from 12 to 22 mm.
+fn sizes(beads: impl IntoIterator<Item = usize>) -> Sizes {
+    Sizes {
+        beads: beads.into_iter().collect(),
+        radius: [0.012, 0.022],
+    }
+}
+
+/// Beside intruders of next to nothing.
+#[test]
+fn the_best_size_of_a_bead_is_that_of_a_scan() {
+    let mut search = search(&[2], 1.01e-9);
+    search.vary_sizes(&strike(), sizes([9])).unwrap();
+    search.mass = [1e-9, 1.01e-9];
+    search.stiffness = search.stiffness.map(|stiffness| 1e-6 * stiffness);
+    search.damping = search.damping.map(|damping| 1e-6 * damping);
+    let force = |radius: f64| {
+        let mut scenario = strike();
+        let mut section = Section::of([9]);
+        section.radius = Some(radius);
+        scenario.sections.push(section);
+        let objective = Objective::Force(13);
+        objective.at(&scenario, 0.45, Accuracy::REFERENCE).unwrap()
+    };
+    search.objective = Objective::Force(13);
+    let found = best(&search);
+    let radius = found.radii[0].radius;
+    let scanned = (0..=40).map(|n| 0.012 + 2.5e-4 * f64::from(n));
+    let least = scanned.map(force).fold(f64::INFINITY, f64::min);
+    println!("{radius} m: {} N, {least} N of the scan", found.values[0]);
+    close(found.values[0], force(radius), 1e-5 * least);
+    assert!(found.values[0] < least * (1.0 + 1e-6));
+}
+
+#[test]
+fn sizes_that_may_vary_help_and_no_other_size_near_is_better() {
+    let mut strike = strike();
+    let mut steel = Section::of([10, 11]);
+    steel.density = Some(2000.0);
+    strike.sections = vec![steel];
+    let mut search = search(&[7, 8], 0.01);
+    let fixed = optimise(&strike, &search, None).unwrap();
+    search.vary_sizes(&strike, sizes(6..=11)).unwrap();
+    let found = optimise(&strike, &search, None).unwrap();
+    println!("{} of {}: {:?}", found.share, fixed.share, found.radii);
+    assert!(found.settled && found.share < fixed.share - 0.02);
+    // Their other values stay those of the sections.
+    let scenario = found.scenario(&strike);
+    let of = |bead: usize| {
+        scenario
+            .sections
+            .iter()
+            .find(|section| section.beads == [bead])
+            .unwrap()
+    };
+    assert_eq!(
+        [9, 10, 11].map(|bead| of(bead).density),
+        [None, Some(2000.0), Some(2000.0)]
+    );
+    close(draft(&scenario, 0.45), found.share, 1e-6);
+    for at in 0..found.radii.len() {
+        for factor in [0.995, 1.005] {
+            let mut other = found.clone();
+            let radius = &mut other.radii[at].radius;
+            *radius = (*radius * factor).clamp(0.012, 0.022);
+            let share = draft(&other.scenario(&strike), 0.45);
+            assert!(
+                share > found.share - 2e-6,
+                "{at}, {factor}: {share} {}",
+                found.share
+            );
+        }
+    }
 }
 
 /// Descents between the kinks of a greatest value wander, unless they end after some gradients in vain.
