@@ -202,6 +202,50 @@ fn on_cubic_springs(draw: &mut ScenarioDraw, scenario: &mut Scenario) {
     }
 }
 
+/// Puts further intruders into the intruders, and into these.
+fn nest(draw: &mut ScenarioDraw, scenario: &mut Scenario) {
+    let outer = scenario.intruders.len();
+    let mut carrier = 0;
+    while carrier < scenario.intruders.len() && scenario.intruders.len() < 3 * outer {
+        let Intruder {
+            ref beads,
+            mass,
+            stiffness,
+            damping,
+            ..
+        } = scenario.intruders[carrier];
+        let beads = beads.clone();
+        carrier += 1;
+        while draw.next() < 0.6 {
+            let mut inner = Intruder::new(beads.iter().copied(), Oscillator::PAPER);
+            inner.inside = Some(carrier);
+            inner.mass = mass * draw.decades(0.02, 0.3);
+            inner.stiffness = stiffness * draw.decades(0.03, 1.0);
+            inner.damping = damping * draw.decades(0.01, 0.3);
+            scenario.intruders.push(inner);
+        }
+    }
+}
+
+#[test]
+fn forty_chains_with_intruders_in_others_move_as_another_method_says() {
+    let mut draw = ScenarioDraw(0x0fed_cba9_8765_4321);
+    let mut number = 0;
+    while number < 40 {
+        let mut scenario = if draw.next() < 0.3 {
+            driven(&mut draw)
+        } else {
+            draw.scenario()
+        };
+        nest(&mut draw, &mut scenario);
+        if scenario.intruders.iter().all(|one| one.inside.is_none()) || scenario.check().is_err() {
+            continue;
+        }
+        compare(number, &scenario, 1e-14);
+        number += 1;
+    }
+}
+
 #[test]
 fn forty_chains_with_cubic_springs_move_as_another_method_says() {
     let mut draw = ScenarioDraw(0x1234_5678_9abc_def1);
