@@ -34,7 +34,7 @@ viscosity without its 3/2
     model/contact.rs: 1.5 * self.relaxation * self.stiffness => self.relaxation * self.stiffness
     solver/lanes.rs: lanes.viscosity[at] = 1.5 * contact.relaxation; => lanes.viscosity[at] = contact.relaxation;
 M in place of M - m for a host, motion and energy alike
-    model.rs: shells[bead] -= oscillator.mass; => shells[bead] -= 0.0 * oscillator.mass;
+    model.rs: -= intruder.oscillator.mass; => -= 0.0 * intruder.oscillator.mass;
 M in place of M - m for a host, in the energy alone
     model.rs: energies.chain += kinetic(self.shells[j], velocity) => energies.chain += kinetic(self.masses[j], velocity)
 the clip lost: parting beads pull where they may not
@@ -42,7 +42,7 @@ the clip lost: parting beads pull where they may not
     solver/lanes.rs: clipped: model.clipped, => clipped: false,
 an intruder that the host does not feel
     solver/kernel.rs: total = simd.add_f64s(total, simd.mul_f64s(pull, one)); => \
-        total = simd.add_f64s(total, simd.mul_f64s(zero, simd.mul_f64s(pull, one)));
+        total = simd.add_f64s(total, simd.mul_f64s(simd.splat_f64s(0.0), simd.mul_f64s(pull, one)));
 ";
 /// The folder of the files.
 const CHAIN: &str = "host-tools/hertz/chain/src";
