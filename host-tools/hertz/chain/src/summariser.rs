@@ -493,9 +493,17 @@ impl ForceMaximum {
 
 impl IntruderMaxima {
     fn observe(&mut self, model: &Model, stepper: &mut Stepper, guest: usize, (from, to): (f64, f64)) {
-        let places = stepper.guest_at_ends(guest).map(|(x, _)| x);
-        let accelerations =
-            [0, 1].map(|end| model.acceleration_at(guest, |number| stepper.guest_at_ends(number)[end]));
+        let ends = stepper.guest_at_ends(guest);
+        let places = ends.map(|(x, _)| x);
+        let accelerations = [0, 1].map(|end| {
+            model.acceleration_at(guest, |number| {
+                if number == guest {
+                    ends[end]
+                } else {
+                    stepper.guest_at_ends(number)[end]
+                }
+            })
+        });
         let mut glimpse = None;
         // Of the intruders that it carries.
         let mut others = Vec::new();

@@ -11,8 +11,8 @@ pub(super) struct ChainShape {
     pub(super) walled: bool,
     /// The bead that hosts each intruder, in order.
     pub(super) hosts: Vec<usize>,
-    /// The intruder that carries each one, an earlier one of the bead; the bead itself carries the others.
-    pub(super) carriers: Vec<Option<usize>>,
+    /// Intruders that another one of the bead carries, an earlier one, each with its carrier.
+    pub(super) nested: Vec<(usize, usize)>,
 }
 
 impl ChainShape {
@@ -21,10 +21,9 @@ impl ChainShape {
             bodies: model.bodies(),
             walled: model.contacts() == model.bodies(),
             hosts: model.intruders().iter().map(|intruder| intruder.bead).collect(),
-            carriers: model
-                .intruders()
-                .iter()
-                .map(|intruder| intruder.carrier)
+            nested: (0..)
+                .zip(model.intruders())
+                .filter_map(|(guest, intruder)| Some((guest, intruder.carrier?)))
                 .collect(),
         }
     }
@@ -38,7 +37,7 @@ impl ChainShape {
     pub(super) fn guests(&self, body: usize) -> impl Iterator<Item = usize> + '_ {
         let before = |body: usize| self.hosts.partition_point(|&host| host < body);
         let all = before(body)..before(body + 1);
-        all.filter(|&guest| self.carriers[guest].is_none())
+        all.filter(|&guest| self.nested.iter().all(|(nested, _)| *nested != guest))
     }
 }
 

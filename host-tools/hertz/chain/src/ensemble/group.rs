@@ -395,30 +395,46 @@ impl Group<'_> {
                 force_before = force;
             }
         }
+        self.pull_carriers(simd);
         for &guest in &self.guests {
             let host = self.shape.hosts[guest];
             let pull = self.pulls[guest].load(simd);
-            if let Some(carrier) = self.shape.carriers[guest] {
-                // The carrier comes before this one, so its own pull is where it belongs by now.
-                self.pulls[carrier] = (self.pulls[carrier].load(simd) - pull).store();
-                continue;
-            }
             let pushed = self.rates[host][STAGE].load(simd);
             let rate = pull.times_plus(constants.inverse[host].load(simd), pushed);
             self.rates[host][STAGE] = rate.store();
         }
         // A host may have several: their pulls are all in its rate by now.
         for &guest in &self.guests {
-            let rate = match self.shape.carriers[guest] {
-                None => self.rates[self.shape.hosts[guest]][STAGE].load(simd),
-                Some(carrier) => {
-                    let pull = self.pulls[carrier].load(simd);
-                    all(simd, 0.0) - pull * constants.guest_inverse[carrier].load(simd)
-                }
-            };
+            let rate = self.rates[self.shape.hosts[guest]][STAGE].load(simd);
             let pull = self.pulls[guest].load(simd);
             let pulled = pull * constants.guest_inverse[guest].load(simd);
             self.guest_rates[guest][STAGE] = (all(simd, 0.0) - pulled - rate).store();
+        }
+        for &(guest, carrier) in self
+            .shape
+            .nested
+            .iter()
+            .filter(|(guest, _)| self.guests.contains(guest))
+        {
+            let [own, of_carrier] = [guest, carrier]
+                .map(|guest| self.pulls[guest].load(simd) * constants.guest_inverse[guest].load(simd));
+            self.guest_rates[guest][STAGE] = (of_carrier - own).store();
+        }
+    }
+
+    /// Subtracts the pull of each carried intruder from that of its carrier, which comes before it, so that its
+    /// own carrier has its whole pull by then. The sum of all pulls in a host is that of the intruders that it
+    /// carries itself.
+    #[inline(always)]
+    fn pull_carriers<S: Wide>(&mut self, simd: S) {
+        for &(guest, carrier) in self
+            .shape
+            .nested
+            .iter()
+            .filter(|(guest, _)| self.guests.contains(guest))
+        {
+            let pull = self.pulls[carrier].load(simd) - self.pulls[guest].load(simd);
+            self.pulls[carrier] = pull.store();
         }
     }
 

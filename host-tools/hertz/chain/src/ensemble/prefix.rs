@@ -65,7 +65,7 @@ impl Prefixes {
                 let shape = &members[index].0;
                 let bare = ChainShape {
                     hosts: Vec::new(),
-                    carriers: Vec::new(),
+                    nested: Vec::new(),
                     ..shape.clone()
                 };
                 let last = last(shape).expect("there is a way");

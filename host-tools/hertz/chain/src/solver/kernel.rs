@@ -333,6 +333,7 @@ fn stage<S: Simd<f64s = f64x8>, const GENERAL: bool, const POWERS_TOO: bool>(
         }
     }
 
+    pull_carriers(guests, &work.active, pulls);
     let contacts = lanes.contacts(length_of, &work.closed);
     let inverse = &blocks(&lanes.inverse)[..length_of];
     let mut power_sum = zero;
@@ -382,10 +383,11 @@ fn stage<S: Simd<f64s = f64x8>, const GENERAL: bool, const POWERS_TOO: bool>(
         }
     }
 
-    pull_carriers(guests, &work.active, pulls);
     for &at in &work.active_guests {
-        accelerate_guests(simd, guests, rates, number, (at, at == shared.0), pulls);
+        let pull = pulp::cast(pulls[at - guests.blocks.start]);
+        accelerate_guests(simd, guests, rates, number, (at, at == shared.0), pull);
     }
+    accelerate_carried(guests, &work.active, rates, number, pulls);
     work.wall_impulse += weight * wall_force;
     if let Some(powers) = powers {
         powers.contacts[number] = pulp::cast::<f64x8, LaneBlock>(power_sum).iter().sum();
@@ -439,7 +441,8 @@ fn drive_stage<S: Simd<f64s = f64x8>, const POWERS_TOO: bool>(
     }
 }
 
-/// Adds the pulls of their own intruders to the forces on a block of bodies.
+/// Adds the pulls of all intruders in a block of bodies to the forces on these. That of a carrier is less what
+/// it carries pulls at it, so the sum is the pull of those that the bodies carry themselves.
 #[inline(always)]
 fn pulled<S: Simd<f64s = f64x8>>(
     simd: S,
@@ -449,9 +452,6 @@ fn pulled<S: Simd<f64s = f64x8>>(
     mut total: f64x8,
 ) -> f64x8 {
     for guest in guests.of_block[block].clone() {
-        if guests.carriers[guest].is_some() {
-            continue;
-        }
         let seat = guests.seat(guest);
         let pull = simd.splat_f64s(pulls[seat / BLOCK][seat % BLOCK]);
         let one: f64x8 = pulp::cast(ONE[guests.hosts[guest] % BLOCK]);
@@ -460,22 +460,34 @@ fn pulled<S: Simd<f64s = f64x8>>(
     total
 }
 
-/// Takes the pulls of intruders in moving bodies from those of the intruders that carry them, once the hosts
-/// have theirs.
+/// Subtracts the pull of each carried intruder in a moving body from that of its carrier. A carrier comes before
+/// what it carries, so its own carrier has its whole pull by then.
+#[inline(always)]
 fn pull_carriers(guests: &Guests, active: &[Range<usize>], pulls: &mut [LaneBlock]) {
-    for &guest in &guests.nested {
-        let moves = active
-            .iter()
-            .any(|run| run.contains(&guests.block_of_host(guest)));
-        if let Some(carrier) = guests.carriers[guest].filter(|_| moves) {
-            let (seat, of_carrier) = (guests.seat(guest), guests.seat(carrier));
-            pulls[of_carrier / BLOCK][of_carrier % BLOCK] -= pulls[seat / BLOCK][seat % BLOCK];
-        }
+    for (guest, carrier) in guests.carried_in(active) {
+        let (seat, of_carrier) = (guests.seat(guest), guests.seat(carrier));
+        pulls[of_carrier / BLOCK][of_carrier % BLOCK] -= pulls[seat / BLOCK][seat % BLOCK];
     }
 }
 
-/// Adds the accelerations of a block of intruders relative to their hosts or carriers. A shared block has those
-/// of its bodies.
+/// Writes the accelerations of carried intruders in moving bodies relative to their carriers.
+#[inline(always)]
+fn accelerate_carried(
+    guests: &Guests,
+    active: &[Range<usize>],
+    rates: &mut [Rates],
+    number: usize,
+    pulls: &[LaneBlock],
+) {
+    for (guest, carrier) in guests.carried_in(active) {
+        let [own, of_carrier] = [guest, carrier].map(|guest| guests.acceleration(guest, pulls));
+        let lane = guests.lane(guest);
+        rates[lane / BLOCK][number][lane % BLOCK] = own - of_carrier;
+    }
+}
+
+/// Adds the accelerations of a block of intruders relative to their hosts. A shared block has those of its
+/// bodies.
 #[inline(always)]
 fn accelerate_guests<S: Simd<f64s = f64x8>>(
     simd: S,
@@ -483,11 +495,10 @@ fn accelerate_guests<S: Simd<f64s = f64x8>>(
     rates: &mut [Rates],
     number: usize,
     (at, is_shared): (usize, bool),
-    pulls: &[LaneBlock],
+    pull: f64x8,
 ) {
-    let inverse = blocks(&guests.inverse);
-    let seats = at - guests.blocks.start;
-    let pulled = simd.mul_f64s(pulp::cast(pulls[seats]), pulp::cast(inverse[seats]));
+    let inverse = blocks(&guests.inverse)[at - guests.blocks.start];
+    let pulled = simd.mul_f64s(pull, pulp::cast(inverse));
     let of_bodies = if is_shared {
         pulp::cast(rates[at][number])
     } else {
@@ -495,16 +506,10 @@ fn accelerate_guests<S: Simd<f64s = f64x8>>(
     };
     let mut rate = simd.sub_f64s(of_bodies, pulled);
     for guest in guests.within(at) {
-        let of_carrier = if let Some(carrier) = guests.carriers[guest] {
-            let seat = guests.seat(carrier);
-            -pulls[seat / BLOCK][seat % BLOCK] * inverse[seat / BLOCK][seat % BLOCK]
-        } else {
-            let host = guests.hosts[guest];
-            rates[host / BLOCK][number][host % BLOCK]
-        };
-        let of_carrier = simd.splat_f64s(of_carrier);
+        let host = guests.hosts[guest];
+        let of_host = simd.splat_f64s(rates[host / BLOCK][number][host % BLOCK]);
         let lane = guests.lane(guest) % BLOCK;
-        rate = simd.sub_f64s(rate, simd.mul_f64s(of_carrier, pulp::cast(ONE[lane])));
+        rate = simd.sub_f64s(rate, simd.mul_f64s(of_host, pulp::cast(ONE[lane])));
     }
     rates[at][number] = pulp::cast(rate);
 }

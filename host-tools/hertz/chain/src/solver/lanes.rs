@@ -117,8 +117,8 @@ pub(super) struct Guests {
     pub(super) hosts: Vec<usize>,
     /// The intruder that carries each one; the host itself carries the others.
     pub(super) carriers: Vec<Option<usize>>,
-    /// Intruders that another one carries, after it.
-    pub(super) nested: Vec<usize>,
+    /// Intruders that another one carries, each with its carrier.
+    nested: Vec<(usize, usize)>,
     /// Intruders whose hosts are in each block of bodies.
     pub(super) of_block: Vec<Range<usize>>,
 }
@@ -137,9 +137,24 @@ impl Guests {
             .filter(move |&guest| self.carriers[guest].is_none())
     }
 
-    /// Block of bodies that has the host of an intruder.
-    pub(super) fn block_of_host(&self, guest: usize) -> usize {
-        self.hosts[guest] / BLOCK - 1
+    /// Carried intruders whose hosts are in these runs of blocks, each with its carrier. The pulls of others are
+    /// those of an earlier stage.
+    #[inline(always)]
+    pub(super) fn carried_in(&self, runs: &[Range<usize>]) -> impl Iterator<Item = (usize, usize)> {
+        let moves = |guest: usize| {
+            let block = self.hosts[guest] / BLOCK - 1;
+            runs.iter().any(|run| run.contains(&block))
+        };
+        self.nested
+            .iter()
+            .copied()
+            .filter(move |&(guest, _)| moves(guest))
+    }
+
+    /// Acceleration of an intruder by the pulls of its own spring and damper and of those that it carries, m/s².
+    pub(super) fn acceleration(&self, guest: usize, pulls: &[LaneBlock]) -> f64 {
+        let seat = self.seat(guest);
+        -pulls[seat / BLOCK][seat % BLOCK] * self.inverse[seat]
     }
 
     #[inline(always)]
@@ -278,7 +293,10 @@ fn guests(model: &Model, blocks: usize) -> Guests {
         cubic,
         reaches,
         hosts,
-        nested: (0..count).filter(|&guest| carriers[guest].is_some()).collect(),
+        nested: (0..)
+            .zip(&carriers)
+            .filter_map(|(guest, carrier)| Some((guest, (*carrier)?)))
+            .collect(),
         carriers,
         of_block,
     }
