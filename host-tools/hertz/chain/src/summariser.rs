@@ -171,8 +171,15 @@ fn energies(model: &Model, motion: StepMoment<'_>, bodies: &Range<usize>) -> [f6
     chain += contacts(model, bodies).map(elastic).sum::<f64>();
     let of_guest = |guest: usize| {
         let intruder = &model.intruders()[guest];
-        let x = motion.guest(guest).0;
-        let speed = motion.body(intruder.bead).1 + model.in_host(guest, |number| motion.guest(number).1);
+        let (x, w) = motion.guest(guest);
+        let rate = |number: usize| {
+            if number == guest {
+                w
+            } else {
+                motion.guest(number).1
+            }
+        };
+        let speed = motion.body(intruder.bead).1 + model.in_host(guest, rate);
         kinetic(intruder.oscillator.mass, speed) + intruder.elastic_energy(x)
     };
     [chain, guests(model, bodies).map(of_guest).sum()]
