@@ -218,7 +218,7 @@ mod tests {
         assert_eq!(railed, [true, false, false, false, true]);
     }
 
-    /// Numbers at which something ends: 0, powers of two, and their neighbours, of both signs.
+    /// Numbers at the ends of ranges: 0, powers of two, and their neighbours, of both signs.
     fn edges() -> impl Iterator<Item = i32> + Clone {
         let powers = (0..32).map(|power| 1_i64 << power);
         let near = powers.flat_map(|power| [power - 1, power, power + 1]);

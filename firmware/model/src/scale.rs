@@ -2,7 +2,7 @@
 //!
 //! # Design
 //!
-//! The formats of the coefficients fit beads like the paper's: no power of two. A small or stiff
+//! The formats of the coefficients fit beads like the paper's without a power of two. A small or stiff
 //! bead has greater coefficients, a large one smaller ones, by up to six orders of magnitude from PTFE of
 //! 5 mm to steel of 40 mm. Its coefficients are kept with powers of two taken out. The estimators put these
 //! back where a product has room for them. Estimate B has a second copy of its loop for that, so the bead

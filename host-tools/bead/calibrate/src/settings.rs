@@ -125,7 +125,7 @@ pub fn entries(calibration: &Calibration, before: &Description, provenance: &Pro
     entries
 }
 
-/// A number with so many significant digits.
+/// A number with this many significant digits.
 fn rounded(value: f64, digits: i32) -> Json {
     let text = format!("{value:.*e}", (digits - 1).max(0) as usize);
     text.parse::<f64>().unwrap_or(value).into()

@@ -3,7 +3,7 @@
 /// Bytes of a file that tell its form.
 pub(super) const HEAD: u64 = 600;
 
-/// Beginnings of such files, and the end of the sentence that begins with the file's name.
+/// The first bytes of each form, with the end of a sentence that begins with the file's name.
 const FORMS: [(&[u8], &str); 8] = [
     (
         b"MATLAB 7.3",

@@ -53,7 +53,7 @@ pub struct Transform {
 }
 
 impl Transform {
-    /// Transforms of so many samples, at least one, under a window.
+    /// Transforms of this many samples, at least one, under a window.
     pub fn new(length: usize, window: Window) -> Self {
         Self {
             plan: RealFftPlanner::new().plan_fft_forward(length),

@@ -62,7 +62,7 @@ impl OverStrikes {
     }
 }
 
-/// 95 % of a normal distribution are below so many standard deviations above its mean.
+/// 95 % of a normal distribution lies below its mean plus this many standard deviations.
 const PART: f64 = 1.644_853_626_951_472_2;
 /// Steps of the integral over the sample's standard deviation.
 const STEPS: usize = 4000;

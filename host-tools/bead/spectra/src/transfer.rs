@@ -24,7 +24,7 @@ pub struct Transfer {
 }
 
 impl TransferSums {
-    /// No strike yet, of so many frequencies.
+    /// No strike yet, at this many frequencies.
     pub fn new(frequencies: usize) -> Self {
         Self {
             strikes: 0,

@@ -18,8 +18,7 @@ pub(crate) struct FolderOptions {
     /// Folders with recordings.
     #[arg(value_name = "FOLDER", default_value = ".")]
     folders: Vec<PathBuf>,
-    /// Only recordings with this note: KEY, or KEY=TEXT, in which * stands for any letters; again for each
-    /// further one.
+    /// Only recordings with this note: KEY, or KEY=TEXT, in which * stands for any letters; repeat for more.
     #[arg(long, value_name = "KEY=TEXT")]
     note: Vec<NotePattern>,
     /// Only recordings of this day and later ones, UTC: 2026-11-28, or a time such as 2026-11-28T09:30.
@@ -31,7 +30,7 @@ pub(crate) struct FolderOptions {
     /// Only recordings of beads with these addresses: 7, 7-16 or 7,9,12.
     #[arg(long, value_name = "N")]
     bead: Option<BeadNumbers>,
-    /// Only recordings with a strike that has this flag, such as wave_train; again for each further one.
+    /// Only recordings with a strike that has this flag, such as wave_train; repeat for more.
     #[arg(long, value_name = "FLAG", value_parser = flag)]
     flag: Vec<String>,
     /// Only recordings whose last verdict, as `bead judge --note` noted it, is pass, fail or undecided; none
@@ -50,7 +49,7 @@ fn since(text: &str) -> Result<i64, String> {
 
 fn before(text: &str) -> Result<i64, String> {
     let time = since(text)?;
-    // A day has ten letters, and is wanted whole.
+    // A date alone has ten characters and stands for the whole day.
     let is_day = text.len() == 10;
     Ok(if is_day {
         time.saturating_add(date::DAY_NS)
@@ -88,7 +87,7 @@ impl FolderOptions {
         }
     }
 
-    /// The folders with their recordings. Lines on standard error say what is no recording.
+    /// The folders with their recordings. Files that are none are named on standard error.
     pub(crate) fn open(&self) -> Result<Vec<Logbook>, Failure> {
         let mut logbooks = Vec::new();
         for folder in &self.folders {

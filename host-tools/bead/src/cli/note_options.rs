@@ -1,4 +1,4 @@
-//! Options of commands that write notes of people.
+//! Options of commands that write people's notes.
 
 use std::env;
 use std::time::SystemTime;
@@ -12,7 +12,7 @@ use bead_recording::file::Note;
 /// `--note` and `--by` of a command that makes a recording.
 #[derive(Debug, Clone, Default, Args)]
 pub(crate) struct NoteOptions {
-    /// A note in the recording, such as operator=Ana specimen=A12; again for further ones.
+    /// A note in the recording, such as operator=Ana specimen=A12; repeat for more.
     #[arg(long, value_name = "KEY=VALUE", num_args = 1.., value_parser = note)]
     note: Vec<Note>,
     #[command(flatten)]

@@ -11,7 +11,7 @@ use bead_instrument::{Choice, Wanted, Waveform};
 /// Option that says what is in a file with a waveform.
 #[derive(Debug, Args)]
 pub(crate) struct WaveformOptions {
-    /// Where the waveform's file does not say itself what is in it; again for each item. force=COLUMN[:UNIT]
+    /// Where the waveform's file does not say itself what is in it; repeat for each item. force=COLUMN[:UNIT]
     /// and acceleration=…: a column by name or number, a channel of a WAV file by number; behind a colon what
     /// 1 of it is: force=force_n, force=CH1:8.9N, acceleration=3:10g. time=t:ms: the time, in seconds without
     /// a unit; or rate=HZ: rows a second. strike=N: which strike of a recording, or of a table that `bead

@@ -15,7 +15,7 @@ use serde_json::Value;
 /// When the first piece of the recording is received, ns since 1970.
 pub(crate) const STARTED: u64 = 1_700_000_000_000_000_000;
 
-/// Records the strike of `tests/data` so many times. Pieces are received a millisecond apart.
+/// Records the strike of `tests/data` this many times. Pieces are received a millisecond apart.
 pub(crate) fn record_again(path: &Path, times: u64) {
     let old = Recording::open(&Path::new(DATA).join("recording-v1.mcap")).unwrap();
     let mut writer = RecordingWriter::create(&Target::new(path), &About::default()).unwrap();

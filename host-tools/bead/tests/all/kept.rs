@@ -157,7 +157,7 @@ fn serve(beads: &mut [&mut StoringBead], mut holds: impl FnMut(&[&mut StoringBea
     }
 }
 
-/// Runs beads for so many seconds, with a strike every [`EVERY`].
+/// Runs beads for this many seconds, with a strike every [`EVERY`].
 fn run(beads: &mut [&mut StoringBead], seconds: f64) {
     for _ in 0..(seconds / EVERY.as_secs_f64()).round() as u32 {
         let started = Instant::now();

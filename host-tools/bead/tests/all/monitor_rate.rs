@@ -60,7 +60,7 @@ fn ten_beads_at_a_megabyte_a_second_lose_nothing() {
     );
 }
 
-/// Says strikes of a bead to the program that connects, at so many bytes a second. Gives the numbers of
+/// Sends strikes of a bead to the program that connects, at this many bytes a second. Gives the numbers of
 /// frames and bytes.
 fn strike_at_rate(listener: &TcpListener, address: u8, rate: f64, seconds: f64) -> (u64, u64) {
     let (mut stream, _) = listener.accept().unwrap();

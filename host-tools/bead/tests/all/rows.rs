@@ -115,7 +115,7 @@ impl ModelBead {
     }
 }
 
-/// Records these beads, in this order, during so many strikes of a scenario.
+/// Records these beads, in this order, during this many strikes of a scenario.
 pub(crate) fn record(path: &Path, scenario: &Scenario, beads: &[ModelBead], strikes: u32) {
     let solution = simulate_with_ring_down(scenario).unwrap();
     let about = About {

@@ -16,13 +16,13 @@ fn scenario(beads: usize, relaxation: f64) -> Scenario {
     scenario
 }
 
-/// Least seconds to simulate a strike on a chain of so many beads until the pulse has crossed it.
+/// Shortest time, s, to simulate a strike on a chain of this many beads until the pulse has crossed it.
 fn seconds(beads: usize, relaxation: f64, rounds: usize) -> f64 {
     let scenario = scenario(beads, relaxation);
     ours::least_seconds(rounds, || ours::end(&scenario, ACCURACY))
 }
 
-/// The most memory that this process has had, in GB; none where the system does not tell.
+/// The most memory that this process has had, GB; `None` where the system does not report it.
 fn memory() -> Option<f64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;

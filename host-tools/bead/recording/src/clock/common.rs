@@ -144,7 +144,7 @@ fn pace(fit: &Fit, onto: &[Option<Alignment>]) -> f64 {
 mod tests {
     use super::*;
 
-    /// A bead whose clock is fast by this much, ppm, over so many seconds of frames.
+    /// A bead whose clock is fast by this much, ppm, over this many seconds of frames.
     fn fit(fast: f64, seconds: u32) -> Fit {
         let points: Vec<(f64, f64)> = (0..seconds * 4)
             .map(|n| f64::from(n) * 0.25)

@@ -26,7 +26,7 @@ fn exponential(rng: &mut ChaCha8Rng, mean: f64) -> f64 {
     -mean * (1.0 - rng.random::<f64>()).ln()
 }
 
-/// Frames of a bead that is fast by `ppm`, so many a second for `seconds`, as a segment holds them.
+/// Frames of a bead that is fast by `ppm`, this many a second for `seconds`, as a segment holds them.
 fn delayed(ppm: f64, seconds: f64, rate: f64, delays: Delays, seed: u64) -> Segment {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut segment = Segment {

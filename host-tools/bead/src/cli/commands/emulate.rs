@@ -102,7 +102,7 @@ pub(crate) struct Arguments {
     out: Option<PathBuf>,
     #[command(flatten)]
     overwrite: Overwrite,
-    /// A note in the recording, such as operator=Ana specimen=A12; again for further ones.
+    /// A note in the recording, such as operator=Ana specimen=A12; repeat for more.
     #[arg(long, value_name = "KEY=VALUE", num_args = 1.., value_parser = note)]
     note: Vec<Note>,
     /// Let the sensors feel this waveform, and not the scenario's strike: a text table, WAV, Parquet, or a

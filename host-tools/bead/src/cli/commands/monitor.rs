@@ -55,7 +55,7 @@ pub(crate) struct Arguments {
     /// A recording, finished or growing, to show in place of live beads.
     #[arg(value_name = "F.mcap", group = "source", conflicts_with_all = ["out", "note", "key", "duration"])]
     recording: Option<PathBuf>,
-    /// A serial port or pty, tcp:HOST:PORT or unix:PATH; again for each further bead. Or all: every serial
+    /// A serial port or pty, tcp:HOST:PORT or unix:PATH; repeat for more beads. Or all: every serial
     /// port here.
     #[arg(long, value_name = "P", group = "source", value_parser = record::port)]
     port: Vec<PortChoice>,

@@ -48,7 +48,7 @@ Examples:
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Arguments {
-    /// A serial port or pty, tcp:HOST:PORT or unix:PATH; again for each further bead. Or all: every serial
+    /// A serial port or pty, tcp:HOST:PORT or unix:PATH; repeat for more beads. Or all: every serial
     /// port here.
     #[arg(long, value_name = "P", required = true, value_parser = port)]
     port: Vec<PortChoice>,

@@ -5,7 +5,7 @@ use crate::cli::output;
 use bead_compare::report::{DASH, count};
 use bead_spectra::bead::{BeadSpectrum, Points, SpectrumPoint, TransferPoint};
 
-/// Values shown with so many digits.
+/// Values shown with this many digits.
 const DIGITS: i32 = 4;
 
 /// The tables of all beads, each below its heading.

@@ -131,7 +131,8 @@ pub(super) struct DropArguments {
     /// Mass of the ball.
     #[arg(long, value_name = "MASS±U", value_parser = mass)]
     pub(super) ball_mass: Stated,
-    /// Height of the ball's lowest point above the cap; again for each further recording, or once for all.
+    /// Height of the ball's lowest point above the cap; repeat for further recordings, or give it once for
+    /// all.
     #[arg(long, value_name = "HEIGHT±U", required = true, value_parser = length)]
     pub(super) height: Vec<Stated>,
     /// Acceleration of free fall; the default holds for any place on Earth.

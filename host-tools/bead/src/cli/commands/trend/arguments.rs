@@ -30,7 +30,7 @@ Examples:
 pub(crate) struct Arguments {
     #[command(flatten)]
     pub(super) folder: FolderOptions,
-    /// A quantity; again for each further one [default: all that are known].
+    /// A quantity; repeat for more [default: all that are known].
     #[arg(long, value_enum, value_name = "NAME")]
     pub(super) quantity: Vec<QuantityName>,
     /// The strikes of a point.
