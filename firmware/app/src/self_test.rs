@@ -25,7 +25,7 @@ pub(crate) struct Verdict {
     pub(crate) failed: usize,
     /// Number of checks.
     pub(crate) checks: usize,
-    /// The first one that failed and that the image is to blame for. Sensors and supply are not its doing.
+    /// The first one that failed through a fault of the image itself, not of the sensors or the supply.
     pub(crate) image_failed: Option<Check>,
 }
 

@@ -1,4 +1,4 @@
-//! A recorded strike, held against replay, f64 estimates and the full chain; and the report of it.
+//! A recorded strike compared with replay, f64 estimates and the full chain, and the report on it.
 
 pub mod agreement;
 pub mod bead;

@@ -26,7 +26,7 @@ pub(super) struct StrikeQuantity {
     scale: f64,
     pub(super) digits: usize,
     field: ValueField,
-    /// Greatest error that is known of it and is no noise, as a part of it: to be added to its ±.
+    /// Greatest known error that is not noise, as a part of the value. It adds to the ± of the value.
     pub(super) bias: Option<f64>,
 }
 
