@@ -10,6 +10,8 @@
 //! m u'' = -k x - c x'                           the intruder; -k x - k₃ x³ - c x' on a spring that hardens
 //! ```
 //!
+//! A ground that drags adds -M V/τ to the force on each bead.
+//!
 //! An intruder may be carried by another one. Then x is its displacement relative to its carrier, on which its
 //! spring and damper act in place of the bead.
 //!
@@ -71,6 +73,8 @@ pub struct Model {
     pub(crate) starts: Vec<(f64, f64)>,
     /// Displacement, m, and velocity, m/s, of each intruder at t = 0 relative to its host or carrier.
     intruder_starts: Vec<(f64, f64)>,
+    /// 1/τ of a ground that drags, 1/s; zero for one that does not.
+    drag: f64,
     /// Forces on body 0 beside its contact's, or its motion.
     pub(crate) drive: Option<Arc<EndDrive>>,
     /// Speed that a drive, gravity or displaced bodies give, m/s; zero for a strike.
@@ -164,6 +168,7 @@ impl Model {
             clipped,
             starts,
             intruder_starts,
+            drag: scenario.chain.drag_time.map_or(0.0, f64::recip),
             drive: drive.map(Arc::new),
             given_speed: 0.0,
         };
@@ -297,6 +302,20 @@ impl Model {
         self.drive.is_some()
     }
 
+    /// Coefficient M/τ of the ground's drag on a body, N·s/m.
+    pub(crate) fn drag_on(&self, body: usize) -> f64 {
+        if body == 0 {
+            0.0
+        } else {
+            self.masses[body] * self.drag
+        }
+    }
+
+    /// True if the ground drags.
+    pub(crate) fn is_dragged(&self) -> bool {
+        self.drag > 0.0
+    }
+
     /// True if body 0 follows a displacement.
     pub(crate) fn is_prescribed(&self) -> bool {
         self.shells[0] == f64::INFINITY
@@ -343,6 +362,7 @@ impl Model {
             intruders: self.intruders.len(),
             walled: self.contacts.len() == self.masses.len(),
             driven: self.drive.is_some(),
+            dragged: self.drag > 0.0,
         }
     }
 
@@ -478,7 +498,8 @@ impl Model {
             rate.sqrt().max(rate * contact.relaxation)
         });
         let intruders = (0..self.intruders.len()).map(|number| self.rate_of(number));
-        intruders.chain(loaded).fold(0.0, f64::max)
+        let dragged = (0..self.bodies()).map(|body| self.drag_on(body) / self.shells[body]);
+        intruders.chain(loaded).chain(dragged).fold(0.0, f64::max)
     }
 
     fn rate_of(&self, number: usize) -> f64 {
@@ -581,6 +602,14 @@ impl Model {
             rest[layout.intruder_loss(i) - base] = oscillator.damping * x_rate * x_rate;
         }
         rest[layout.contact_loss() - base] = loss;
+        if let Some(index) = layout.ground_loss() {
+            let pulls = (1..layout.bodies).map(|body| (body, self.drag_on(body) * velocity[body]));
+            rest[index - base] = 0.0;
+            for (body, pull) in pulls {
+                acceleration[body] -= pull;
+                rest[index - base] += pull * velocity[body];
+            }
+        }
         if let (Some(drive), Some(index)) = (&self.drive, layout.drive_work()) {
             let push = if drive.prescribed {
                 -acceleration[0]
@@ -635,6 +664,7 @@ impl Model {
             energies.dissipated_intruders += y[layout.intruder_loss(i)];
         }
         energies.dissipated_contacts = y[layout.contact_loss()];
+        energies.dissipated_ground = layout.ground_loss().map_or(0.0, |index| y[index]);
         energies
     }
 

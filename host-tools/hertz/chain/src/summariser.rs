@@ -191,11 +191,16 @@ fn guests(model: &Model, bodies: &Range<usize>) -> Range<usize> {
     until(bodies.start)..until(bodies.end)
 }
 
-/// Rate of the chain's energy, W: the power of striker and intruders, less the losses in contacts.
+/// Rate of the chain's energy, W: the power of striker and intruders, less the losses in contacts and on the
+/// ground.
 fn chain_rate(model: &Model, motion: StepMoment<'_>, moving: &[Range<usize>]) -> f64 {
     let (first, rate) = motion.change(model, 1);
     let mut sum = model.force_beyond_at(1, first, rate) * motion.body(0).1;
     for bodies in moving {
+        if model.is_dragged() {
+            let pull = |body: usize| model.drag_on(body) * motion.body(body).1.powi(2);
+            sum -= bodies.clone().map(pull).sum::<f64>();
+        }
         for contact in contacts(model, bodies) {
             let (change, rate) = motion.change(model, contact);
             let elastic = model.contact_at(contact).elastic_force_beyond(change);
@@ -301,7 +306,7 @@ impl Summariser {
         let striker = model.striker_energy_at(speed);
         let (contacts, of_guests) = stepper.lost();
         let all = striker + chain + intruders;
-        let total = all + contacts + of_guests.sum::<f64>() - stepper.supplied();
+        let total = all + contacts + of_guests.sum::<f64>() - stepper.supplied() + stepper.lost_on_ground();
         self.greatest = self.greatest.max(all);
         self.imbalance = self.imbalance.max((total - self.initial).abs());
         // An upper bound of the energy between the ends of the step.
@@ -357,6 +362,7 @@ impl Summariser {
                 chain_max: self.chain.value,
                 dissipated_contacts: energies.dissipated_contacts,
                 dissipated_intruders: energies.dissipated_intruders,
+                dissipated_ground: model.is_dragged().then_some(energies.dissipated_ground),
                 drive_work: model.drive.is_some().then_some(energies.supplied),
                 balance_error: self.balance_error(model),
             },

@@ -65,6 +65,9 @@ pub struct EnergySummary {
     pub dissipated_contacts: f64,
     /// Dissipated in intruders.
     pub dissipated_intruders: f64,
+    /// Dissipated on the ground; none unless it drags.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub dissipated_ground: Option<f64>,
     /// Work of a drive, and of the weight of a striker that falls; none without them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub drive_work: Option<f64>,

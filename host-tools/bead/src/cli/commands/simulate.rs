@@ -220,8 +220,13 @@ fn energies(energy: &EnergySummary) -> String {
         ("intruders, final", energy.intruders_final),
         ("dissipated in contacts", energy.dissipated_contacts),
         ("dissipated in intruders", energy.dissipated_intruders),
-        ("chain, highest", energy.chain_max),
     ]);
+    rows.extend(
+        energy
+            .dissipated_ground
+            .map(|lost| ("dissipated on the ground", lost)),
+    );
+    rows.push(("chain, highest", energy.chain_max));
     let rows = rows.into_iter().map(|(name, joule)| {
         let part = if given > 0.0 {
             format!("{:.3} %", joule / given * 100.0)

@@ -14,7 +14,10 @@ const MOST_STEPS: f64 = 1e6;
 /// Returns true if a chain can run in a group.
 pub(super) fn suits(model: &Model, duration: f64) -> bool {
     let loaded = (1..=model.contacts()).any(|contact| model.contact_at(contact).load > 0.0);
-    let given = model.drive.is_some() || model.starts_displaced() || model.contact_at(1).powers.is_some();
+    let given = model.is_dragged()
+        || model.drive.is_some()
+        || model.starts_displaced()
+        || model.contact_at(1).powers.is_some();
     let cubic = model.has_cubic_springs();
     !loaded && !given && !cubic && !model.clipped && fewest_steps(model, duration) < MOST_STEPS
 }

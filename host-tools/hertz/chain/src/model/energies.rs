@@ -22,6 +22,8 @@ pub struct Energies {
     pub dissipated_contacts: f64,
     /// Dissipated in all intruders so far: Σ ∫ c x'² dt.
     pub dissipated_intruders: f64,
+    /// Dissipated on the ground so far: Σ ∫ M V²/τ dt. Zero unless it drags.
+    pub dissipated_ground: f64,
     /// Work of the drive so far, beyond that of static loads; of the weight too if a striker falls. Zero
     /// without a drive.
     pub supplied: f64,
@@ -30,7 +32,7 @@ pub struct Energies {
 impl Energies {
     /// The sum less what was supplied, which is constant over a run except for the error of the integration.
     pub fn total(&self) -> f64 {
-        self.striker + self.chain + self.intruders + self.dissipated_contacts + self.dissipated_intruders
-            - self.supplied
+        let dissipated = self.dissipated_contacts + self.dissipated_intruders;
+        self.striker + self.chain + self.intruders + dissipated - self.supplied + self.dissipated_ground
     }
 }

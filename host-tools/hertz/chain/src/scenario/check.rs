@@ -88,7 +88,9 @@ impl Chain {
         at.check("poisson", self.poisson, Poisson)?;
         at.check("relaxation", self.relaxation, RELAXATION)?;
         at.check("precompression", self.precompression, LOAD)?;
-        at.check("gravity", self.gravity, GRAVITY)
+        at.check("gravity", self.gravity, GRAVITY)?;
+        let none = Positive("s, such as 2e-3, or leave it out for a ground without drag");
+        at.check("drag_time", self.drag_time, none)
     }
 }
 

@@ -74,6 +74,10 @@ pub struct Chain {
     /// weight of all beads above it, and the run begins from that state at rest.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub gravity: f64,
+    /// Time τ in which the ground would slow a bead to 1/e of its speed, s: it pulls at each with M V/τ. Without
+    /// it, nothing does. It does not act on the striker or a driven body, nor on intruders.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub drag_time: Option<f64>,
 }
 
 /// Treatment of a total contact force below zero. The viscous term can make one while beads part.
@@ -308,6 +312,7 @@ impl Chain {
             contact_force: ContactForce::Printed,
             precompression: 0.0,
             gravity: 0.0,
+            drag_time: None,
         }
     }
 

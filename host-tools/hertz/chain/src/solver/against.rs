@@ -247,6 +247,27 @@ fn forty_chains_with_intruders_in_others_move_as_another_method_says() {
 }
 
 #[test]
+fn forty_chains_on_a_ground_that_drags_move_as_another_method_says() {
+    let mut draw = ScenarioDraw(0x3141_5926_5358_9793);
+    let mut number = 0;
+    while number < 40 {
+        let mut scenario = if draw.next() < 0.5 {
+            driven(&mut draw)
+        } else {
+            draw.scenario()
+        };
+        if draw.next() < 0.3 {
+            nest(&mut draw, &mut scenario);
+        }
+        scenario.chain.drag_time = Some(draw.decades(1e-5, 1e-1));
+        if scenario.check().is_ok() {
+            compare(number, &scenario, 1e-14);
+            number += 1;
+        }
+    }
+}
+
+#[test]
 fn forty_chains_with_cubic_springs_move_as_another_method_says() {
     let mut draw = ScenarioDraw(0x1234_5678_9abc_def1);
     let mut number = 0;

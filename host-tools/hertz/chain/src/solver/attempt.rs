@@ -13,6 +13,7 @@ impl Work {
             return self.attempt_by_powers(lanes, length, tolerance);
         }
         self.wall_impulse = 0.0;
+        self.ground_lost = 0.0;
         let crossed = dispatch(self, lanes, Task::Step, length);
         self.crossings.clear();
         self.sooner = None;

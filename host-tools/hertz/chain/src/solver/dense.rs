@@ -141,6 +141,9 @@ impl Dense {
             if let Some(at) = layout.wall_impulse() {
                 out[at] += inside.wall;
             }
+            if let Some(at) = layout.ground_loss() {
+                out[at] += inside.ground;
+            }
             if let Some(at) = layout.drive_work() {
                 out[at] += inside.drive;
             }

@@ -35,6 +35,7 @@ impl Work {
         self.sooner = None;
         loop {
             self.wall_impulse = 0.0;
+            self.ground_lost = 0.0;
             if let Some(driven) = &mut self.driven {
                 driven.work = 0.0;
             }

@@ -66,7 +66,7 @@ const INNER: u8 = 1;
 const INTERPOLATE: u8 = 2;
 const ERRS: u8 = 3;
 const CROSS: u8 = 4;
-/// For chains with a static load, clipped forces, a drive or springs that harden too.
+/// For chains with a static load, clipped forces, a drive, drag or springs that harden too.
 const STEP_OF_ANY: u8 = 5;
 const INNER_OF_ANY: u8 = 6;
 const EACH: u8 = 7;
@@ -395,7 +395,7 @@ fn stage<S: Simd<f64s = f64x8>, const GENERAL: bool, const POWERS_TOO: bool>(
     }
 }
 
-/// A stage of a chain of any kind, with the drive of body 0.
+/// A stage of a chain of any kind, with the drive of body 0 and the drag of the ground.
 #[inline(always)]
 fn any_stage<S: Simd<f64s = f64x8>, const POWERS_TOO: bool>(
     simd: S,
@@ -405,8 +405,54 @@ fn any_stage<S: Simd<f64s = f64x8>, const POWERS_TOO: bool>(
     length: f64,
 ) {
     stage::<S, true, POWERS_TOO>(simd, work, lanes, number, length);
+    if let Some(drag) = &lanes.drag {
+        drag_stage(simd, work, lanes, blocks(drag), number, length);
+    }
     if work.driven.is_some() {
         drive_stage::<S, POWERS_TOO>(simd, work, lanes, number, length);
+    }
+}
+
+/// Takes the drag of the ground from the accelerations of the beads at a stage, and adds up its power. Each
+/// velocity is computed once more for that.
+#[inline(always)]
+fn drag_stage<S: Simd<f64s = f64x8>>(
+    simd: S,
+    work: &mut Work,
+    lanes: &Lanes,
+    drag: &[LaneBlock],
+    number: usize,
+    length: f64,
+) {
+    let counts = number < MAIN;
+    let weight = if counts { length * quadrature(number) } else { 0.0 };
+    let count = lanes.len() / BLOCK;
+    let (guests, inverse) = (&lanes.guests, blocks(&lanes.inverse));
+    let rates = &mut blocks_mut(&mut work.rates).as_chunks_mut::<STAGES>().0[..count];
+    let mut powers = simd.splat_f64s(0.0);
+    for at in work.active.iter().flat_map(|run| run.start + 1..run.end + 1) {
+        let start = (blocks(&work.start.u)[at], blocks(&work.start.v)[at]);
+        let (mut u, mut v) = moved(simd, start, &rates[at], number, length);
+        if let Some(added) = work.added.as_deref().filter(|_| !counts) {
+            add(simd, added, at, &mut u, &mut v);
+        }
+        let pull = simd.mul_f64s(pulp::cast(drag[at]), v);
+        powers = simd.add_f64s(powers, simd.mul_f64s(pull, v));
+        let slowed = simd.mul_f64s(pull, pulp::cast(inverse[at]));
+        rates[at][number] = pulp::cast(simd.sub_f64s(pulp::cast(rates[at][number]), slowed));
+        let slowed: LaneBlock = pulp::cast(slowed);
+        // An intruder that the bead carries moves relative to it.
+        for guest in guests.of_block[at - 1].clone() {
+            if guests.carriers[guest].is_none() {
+                let lane = guests.lane(guest);
+                rates[lane / BLOCK][number][lane % BLOCK] += slowed[guests.hosts[guest] % BLOCK];
+            }
+        }
+    }
+    let power: f64 = pulp::cast::<f64x8, LaneBlock>(powers).iter().sum();
+    work.ground_lost += weight * power;
+    if let Some(powers) = &mut work.powers {
+        powers.ground[number] = power;
     }
 }
 

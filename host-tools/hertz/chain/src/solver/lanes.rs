@@ -82,9 +82,11 @@ pub(crate) struct Lanes {
     pub(super) viscous: bool,
     pub(super) clipped: bool,
     pub(super) loaded: bool,
-    /// True if the chain is loaded, clipped or driven, or has springs that are not linear: its steps are
-    /// computed by code for all of these.
+    /// True if the chain is loaded, clipped, driven or dragged, or has springs that are not linear: its steps
+    /// are computed by code for all of these.
     pub(super) general: bool,
+    /// Coefficients of the ground's drag, N·s/m, in the lanes of the bodies, if it drags.
+    pub(super) drag: Option<CacheAligned>,
     /// Drive of the first body.
     pub(super) drive: Option<Arc<EndDrive>>,
     /// Powers of the contacts, if they are not Hertz' with a damping of the exponent 1/2. `viscosity` then
@@ -206,6 +208,7 @@ impl Lanes {
             clipped: model.clipped,
             loaded: false,
             general: false,
+            drag: model.is_dragged().then(zeros),
             drive: model.drive.clone(),
             powers: model.contact_at(1).powers,
             speed: model.speed_scale(),
@@ -213,6 +216,9 @@ impl Lanes {
         };
         for (body, shell) in model.shells.iter().enumerate() {
             lanes.inverse[BLOCK + body] = 1.0 / shell;
+            if let Some(drag) = &mut lanes.drag {
+                drag[BLOCK + body] = model.drag_on(body);
+            }
         }
         for number in 1..=model.contacts() {
             let (contact, at) = (model.contact_at(number), BLOCK + number);
@@ -228,8 +234,8 @@ impl Lanes {
                 lanes.viscous |= powers.coefficient > 0.0;
             }
         }
-        lanes.general =
-            lanes.loaded || lanes.clipped || lanes.drive.is_some() || lanes.guests.cubic.is_some();
+        let acts = lanes.drive.is_some() || lanes.drag.is_some();
+        lanes.general = lanes.loaded || lanes.clipped || acts || lanes.guests.cubic.is_some();
         lanes
     }
 

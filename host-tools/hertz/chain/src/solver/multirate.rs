@@ -78,7 +78,8 @@ fn better(calm: &Calm, errors: &[f64], length: f64, step: f64) -> f64 {
 impl Multirate {
     pub(super) fn new(lanes: &Lanes, tolerance: f64) -> Self {
         // A loaded chain is as stiff elsewhere as at the wave, and a driven one is not left behind.
-        let never = lanes.loaded || lanes.drive.is_some() || lanes.powers.is_some() || lanes.blocks < FEWEST;
+        let acts = lanes.drive.is_some() || lanes.drag.is_some();
+        let never = lanes.loaded || acts || lanes.powers.is_some() || lanes.blocks < FEWEST;
         Self {
             slow: None,
             parted: false,

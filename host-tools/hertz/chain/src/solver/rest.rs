@@ -303,6 +303,7 @@ impl RestingBlocks {
         self.steps += 1;
         if lanes.loaded
             || lanes.drive.is_some()
+            || lanes.drag.is_some()
             || lanes.powers.is_some()
             || !self.steps.is_multiple_of(self.patience)
         {

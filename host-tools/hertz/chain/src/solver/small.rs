@@ -87,6 +87,11 @@ fn kinds() -> Vec<(&'static str, Scenario)> {
         carried(&[8, 9], 0.5e-3, 1),
     ];
 
+    let mut dragged = with_intruders(plain(18, 2e-6, 0.003), &[3, 9, 16]);
+    dragged.chain.drag_time = Some(2e-3);
+    dragged.wall = Some(Wall::flat(Material::STEEL));
+    dragged.starts = vec![Start::apart([11], 2e-6)];
+
     let blocks = with_intruders(plain(41, 4.2e-6, 0.004), &[1, 7, 8, 15, 16, 17, 30]);
     vec![
         ("the paper's", hosting(plain(16, 4.2e-6, 0.003), [8])),
@@ -106,6 +111,7 @@ fn kinds() -> Vec<(&'static str, Scenario)> {
         ("opened", opened),
         ("opened and rough", opened_and_rough),
         ("nested", nested),
+        ("dragged", dragged),
     ]
 }
 
@@ -182,6 +188,7 @@ const TALLIES: &[(&str, [[usize; 4]; 2])] = &[
     ("opened", [[24, 432, 384, 264], [103, 2256, 1648, 1133]]),
     ("opened and rough", [[32, 816, 512, 352], [100, 2320, 1600, 1100]]),
     ("nested", [[95, 1888, 2040, 1915], [331, 6688, 7440, 6930]]),
+    ("dragged", [[45, 928, 1080, 855], [186, 4032, 4464, 3534]]),
     (
         "parted",
         [[654, 11696, 67416, 92984], [1841, 34272, 211760, 245112]],

@@ -113,6 +113,9 @@ impl StepLog {
             if lanes.wall.is_some() {
                 self.values.extend_from_slice(&powers.wall);
             }
+            if lanes.drag.is_some() {
+                self.values.extend_from_slice(&powers.ground);
+            }
             if let Some(driven) = &work.driven {
                 self.values.extend_from_slice(&driven.powers);
             }
@@ -176,6 +179,9 @@ impl StepLog {
         take(&mut powers.contacts);
         if lanes.wall.is_some() {
             take(&mut powers.wall);
+        }
+        if lanes.drag.is_some() {
+            take(&mut powers.ground);
         }
         if let Some(driven) = &mut work.driven {
             take(&mut driven.powers);

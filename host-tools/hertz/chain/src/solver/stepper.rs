@@ -27,6 +27,7 @@ pub(crate) struct Stepper {
     contacts_lost: f64,
     guests_lost: Vec<f64>,
     wall_impulse: f64,
+    ground_lost: f64,
     drive_work: f64,
     /// Allowed error of each step.
     pub(crate) tolerance: f64,
@@ -70,6 +71,7 @@ impl Stepper {
             contacts_lost: state[layout.contact_loss()],
             guests_lost: state[layout.intruder_loss(0)..][..lanes.guests.count].to_vec(),
             wall_impulse: layout.wall_impulse().map_or(0.0, |index| state[index]),
+            ground_lost: layout.ground_loss().map_or(0.0, |index| state[index]),
             drive_work: layout.drive_work().map_or(0.0, |index| state[index]),
             lanes,
             tolerance,
@@ -190,6 +192,11 @@ impl Stepper {
                 lost + work.map_or(0.0, |work| work.lost_in_guest(&self.lanes, guest))
             });
         (self.contacts_lost + contacts + self.multirate.lost(), guests)
+    }
+
+    /// Energy that the ground has dissipated by the end of the last step, J.
+    pub(crate) fn lost_on_ground(&self) -> f64 {
+        self.ground_lost + self.made.map_or(0.0, |_| self.work.ground_lost)
     }
 
     /// Work of the drive by the end of the last step, J.
@@ -360,6 +367,7 @@ impl Stepper {
             *lost += self.work.lost_in_guest(&self.lanes, guest);
         }
         self.wall_impulse += self.work.wall_impulse;
+        self.ground_lost += self.work.ground_lost;
         self.drive_work += self.work.drive_work();
         self.work.accept(&self.lanes);
         self.work.lead(&self.lanes, self.time);
@@ -389,6 +397,9 @@ impl Stepper {
         out[layout.intruder_loss(0)..][..self.guests_lost.len()].copy_from_slice(&self.guests_lost);
         if let Some(index) = layout.wall_impulse() {
             out[index] = self.wall_impulse;
+        }
+        if let Some(index) = layout.ground_loss() {
+            out[index] = self.ground_lost;
         }
         if let Some(index) = layout.drive_work() {
             out[index] = self.drive_work;

@@ -73,6 +73,8 @@ pub(super) struct Work {
     /// Energy dissipated in each contact and intruder, J, and momentum given to the wall, kg·m/s.
     pub(super) lost: CacheAligned,
     pub(super) wall_impulse: f64,
+    /// Energy dissipated on the ground, J.
+    pub(super) ground_lost: f64,
     /// Contacts that open or close in the step.
     pub(super) crossings: Vec<Crossing>,
     /// Part of the step at which it should end for the next to see a contact close that it misses.
@@ -128,11 +130,13 @@ impl DrivenStep {
 /// Lane of the contact of body 0.
 const FIRST_CONTACT: usize = BLOCK + 1;
 
-/// Power dissipated in all contacts, force on the wall, and power dissipated in each intruder, at each stage.
+/// Power dissipated in all contacts, force on the wall, power dissipated on the ground, and power dissipated in
+/// each intruder, at each stage.
 #[derive(Debug, Clone)]
 pub(super) struct StagePowers {
     pub(super) contacts: [f64; STAGES],
     pub(super) wall: [f64; STAGES],
+    pub(super) ground: [f64; STAGES],
     pub(super) guests: CacheAligned,
 }
 
@@ -170,6 +174,7 @@ impl Work {
         self.powers = Some(Box::new(StagePowers {
             contacts: [0.0; STAGES],
             wall: [0.0; STAGES],
+            ground: [0.0; STAGES],
             guests: CacheAligned::zeros(lanes.guests.blocks.len() * BLOCK * STAGES),
         }));
     }
@@ -417,6 +422,7 @@ impl Work {
                 0.0
             },
             wall: lanes.wall.map_or(0.0, |_| sum(1, &powers.wall)),
+            ground: lanes.drag.as_ref().map_or(0.0, |_| sum(1, &powers.ground)),
             drive: self.driven.as_ref().map_or(0.0, |driven| sum(1, &driven.powers)),
         };
         for crossing in &self.crossings {
@@ -433,10 +439,12 @@ impl Work {
     }
 }
 
-/// Losses since the start of the step: in contacts, J, and to the wall, kg·m/s; and the work of the drive, J.
+/// Losses since the start of the step: in contacts and on the ground, J, and to the wall, kg·m/s; and the work of
+/// the drive, J.
 pub(super) struct PartLosses {
     pub(super) contacts: f64,
     pub(super) wall: f64,
+    pub(super) ground: f64,
     pub(super) drive: f64,
 }
 
@@ -492,7 +500,8 @@ fn bend(lanes: &Lanes, lane: usize, motion: &Motion, driven: f64) -> Ends {
             let stiffness = guests.stiffness[seat] + guests.cubic(seat) * u[lane] * u[lane];
             stiffness * u[lane] + guests.damping[seat] * v[lane]
         });
-        (force(body) - force(body + 1) + pulls.sum::<f64>()) * lanes.inverse[body]
+        let drag = lanes.drag.as_ref().map_or(0.0, |drag| drag[body] * v[body]);
+        (force(body) - force(body + 1) + pulls.sum::<f64>() - drag) * lanes.inverse[body]
     };
     let mut acceleration = rate(lane - 1) - rate(lane);
     if lane == FIRST_CONTACT && lanes.drive.is_some() {

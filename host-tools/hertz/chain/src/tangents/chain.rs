@@ -56,6 +56,8 @@ pub(super) struct DualChain<const P: usize> {
     /// 1/(M - m) of each body, 1/kg.
     pub(super) inverse_shells: Vec<Dual<P>>,
     pub(super) shells: Vec<Dual<P>>,
+    /// Coefficient M/τ of the ground's drag on each body, N·s/m, if it drags.
+    pub(super) drags: Option<Vec<Dual<P>>>,
     /// Contact j joins bodies j - 1 and j; at index j - 1.
     pub(super) contacts: Vec<DualContact<P>>,
     pub(super) intruders: Vec<DualIntruder<P>>,
@@ -183,6 +185,11 @@ impl<const P: usize> DualChain<P> {
         let other = [
             (model.drive.is_some(), "chain", "a driven or vertical chain has"),
             (
+                model.is_dragged(),
+                "chain.drag_time",
+                "a chain that the ground drags has",
+            ),
+            (
                 model.starts_displaced(),
                 "start",
                 "bodies displaced at t = 0 have",
@@ -238,6 +245,13 @@ impl<const P: usize> DualChain<P> {
                 }
             })
             .collect();
+        let rate = scenario.chain.drag_time.map(f64::recip);
+        let drags = rate.map(|rate| {
+            let of = |(body, mass): (usize, &Dual<P>)| {
+                if body == 0 { Dual::default() } else { *mass * rate }
+            };
+            shells.iter().enumerate().map(of).collect()
+        });
         let mut intruders = Vec::new();
         for (table, intruder) in scenario.intruders.iter().enumerate() {
             let mass = seeds.seeded(Parameter::IntruderMass(table), intruder.mass);
@@ -273,6 +287,7 @@ impl<const P: usize> DualChain<P> {
             starts: starts.collect(),
             inverse_shells: shells.iter().map(inverse).collect(),
             shells,
+            drags,
             contacts,
             intruders,
             push_gain: seeds.seeded(Parameter::PushGain, 1.0),

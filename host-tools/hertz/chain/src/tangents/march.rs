@@ -163,6 +163,9 @@ impl<'a, const P: usize> March<'a, P> {
                 _ => forces[body],
             };
             rates[layout.momentum(body)] = pushed - forces[body + 1];
+            if let Some(drags) = &chain.drags {
+                rates[layout.momentum(body)] -= drags[body] * velocities[body];
+            }
         }
         for (number, intruder) in chain.intruders.iter().enumerate() {
             if !(self.first..=last).contains(&intruder.body) {

@@ -8,6 +8,7 @@ mod counts;
 mod driven;
 mod ensemble;
 mod graded;
+mod ground;
 mod loaded;
 mod optimise;
 mod oscillator;

@@ -140,6 +140,28 @@ fn multipliers_are_those_of_perturbed_runs_on_the_stable_and_the_unstable_side_o
     }
 }
 
+/// Without losses in contacts, the volume of the phase space shrinks by exp(-T/τ) for each bead.
+#[test]
+fn multipliers_on_a_ground_that_drags_are_those_of_perturbed_runs_and_their_product_that_of_the_drag() {
+    let mut scenario = short();
+    (scenario.chain.relaxation, scenario.chain.drag_time) = (0.0, Some(1e-3));
+    scenario.intruders[0].damping = 0.0;
+    let state = PeriodicState::of(&scenario).expect("a weak drive has one");
+    let expected = multipliers_of_runs(&state);
+    let mut product = Complex64::new(1.0, 0.0);
+    for multiplier in state.multipliers() {
+        let distances = expected.iter().map(|other| (multiplier - other).norm());
+        let nearest = distances.fold(f64::INFINITY, f64::min);
+        assert!(nearest < 1e-6, "{multiplier}: {nearest:e} of {expected:?}");
+        product *= multiplier;
+    }
+    // The drag acts on the whole mass of a host, and slows its shell.
+    let model = hertz_chain::Model::of(&scenario).unwrap();
+    let host = model.mass(2) / (model.mass(2) - scenario.intruders[0].mass);
+    let shrunk = (-(2.0 + host) * state.period() / 1e-3).exp();
+    assert!((product / shrunk - 1.0).norm() < 1e-8, "{product} {shrunk}");
+}
+
 /// Three beads and an intruder, shaken a little below a resonance: contacts soften, so the branch folds.
 fn trimer_with_fold() -> Scenario {
     let mut scenario = short();
