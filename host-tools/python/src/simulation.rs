@@ -30,7 +30,7 @@ struct Observable {
 fn observables(names: &[String], model: &Model) -> PyResult<Vec<Observable>> {
     let (bodies, contacts, intruders) = (model.bodies(), model.contacts(), model.intruders().len());
     type Append = fn(&Snapshot<'_>, &mut Vec<f64>);
-    let known: [(&'static str, Option<usize>, Append); 12] = [
+    let known: [(&'static str, Option<usize>, Append); 13] = [
         ("displacement", Some(bodies), |s, to| {
             to.extend((0..s.model().bodies()).map(|body| s.displacement(body)));
         }),
@@ -60,6 +60,9 @@ fn observables(names: &[String], model: &Model) -> PyResult<Vec<Observable>> {
         }),
         ("dissipated_intruders", None, |s, to| {
             to.push(s.energies().dissipated_intruders);
+        }),
+        ("dissipated_ground", None, |s, to| {
+            to.push(s.energies().dissipated_ground);
         }),
     ];
     let find = |name: &String| {

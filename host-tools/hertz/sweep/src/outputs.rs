@@ -54,6 +54,7 @@ impl SweepOutputs {
                 "intruders_final_j",
                 "dissipated_contacts_j",
                 "dissipated_intruders_j",
+                "dissipated_ground_j",
             ];
             names.extend(energies.map(str::to_owned));
         }
@@ -90,7 +91,11 @@ impl SweepOutputs {
         if self.energies {
             let at_end = end.energies();
             let of_bodies = [injected, at_end.striker, at_end.chain, at_end.intruders];
-            let dissipated = [at_end.dissipated_contacts, at_end.dissipated_intruders];
+            let dissipated = [
+                at_end.dissipated_contacts,
+                at_end.dissipated_intruders,
+                at_end.dissipated_ground,
+            ];
             cells.extend(of_bodies.into_iter().chain(dissipated).map(Cell::Number));
         }
         let hosts = self.intruders.iter().copied();

@@ -30,6 +30,7 @@ OBSERVABLES: dict[str, tuple[str, str | None]] = {
     "intruders_energy": ("J", None),
     "dissipated_contacts": ("J", None),
     "dissipated_intruders": ("J", None),
+    "dissipated_ground": ("J", None),
 }
 
 
