@@ -32,7 +32,7 @@ pub struct Energies {
 impl Energies {
     /// The sum less what was supplied, which is constant over a run except for the error of the integration.
     pub fn total(&self) -> f64 {
-        let dissipated = self.dissipated_contacts + self.dissipated_intruders;
-        self.striker + self.chain + self.intruders + dissipated - self.supplied + self.dissipated_ground
+        let bodies = self.striker + self.chain + self.intruders;
+        bodies + self.dissipated_contacts + self.dissipated_intruders - self.supplied + self.dissipated_ground
     }
 }
