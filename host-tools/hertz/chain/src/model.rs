@@ -12,8 +12,8 @@
 //!
 //! A ground that drags adds -M V/τ to the force on each bead.
 //!
-//! An intruder may be carried by another one. Then x is its displacement relative to its carrier, on which its
-//! spring and damper act in place of the bead.
+//! An intruder may be carried by another one. Then x is its displacement relative to its carrier, on which
+//! its spring and damper act in place of the bead.
 //!
 //! Eq. (1) as printed lacks the condition on δ.
 //!
@@ -711,8 +711,8 @@ impl Model {
             .filter(move |&other| self.intruders[other].carrier == Some(intruder))
     }
 
-    /// Sum of a coordinate relative to host or carrier over an intruder and all that carry it: relative to the
-    /// host.
+    /// Sum of a coordinate relative to host or carrier over an intruder and all that carry it: relative to
+    /// the host.
     pub(crate) fn in_host(&self, intruder: usize, relative: impl Fn(usize) -> f64) -> f64 {
         let mut sum = relative(intruder);
         let mut inner = intruder;
@@ -729,8 +729,8 @@ impl Model {
         self.in_host(intruder, |number| y[layout.relative_velocity(number)])
     }
 
-    /// Acceleration u'' of an intruder, m/s². `motion` is the displacement of an intruder relative to its host
-    /// or carrier, m, and its rate, m/s: of this one and of those that it carries.
+    /// Acceleration u'' of an intruder, m/s². `motion` is the displacement of an intruder relative to its
+    /// host or carrier, m, and its rate, m/s: of this one and of those that it carries.
     pub(crate) fn acceleration_at(&self, intruder: usize, motion: impl Fn(usize) -> (f64, f64)) -> f64 {
         self.accelerate(intruder, |number| {
             let (place, rate) = motion(number);

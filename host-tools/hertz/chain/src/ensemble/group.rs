@@ -422,9 +422,9 @@ impl Group<'_> {
         }
     }
 
-    /// Subtracts the pull of each carried intruder from that of its carrier, which comes before it, so that its
-    /// own carrier has its whole pull by then. The sum of all pulls in a host is that of the intruders that it
-    /// carries itself.
+    /// Subtracts the pull of each carried intruder from that of its carrier, which comes before it, so that
+    /// its own carrier has its whole pull by then. The sum of all pulls in a host is that of the intruders
+    /// that it carries itself.
     #[inline(always)]
     fn pull_carriers<S: Wide>(&mut self, simd: S) {
         for &(guest, carrier) in self

@@ -31,8 +31,8 @@ pub(super) fn of(scenario: &Scenario) -> Vec<HostedIntruder> {
 pub struct HostedIntruder {
     /// The host bead, from 1.
     pub bead: usize,
-    /// Number in [`Model::intruders`](crate::Model::intruders) of the intruder that carries it, an earlier one
-    /// of this bead; `None` if the bead itself does.
+    /// Number in [`Model::intruders`](crate::Model::intruders) of the intruder that carries it, an earlier
+    /// one of this bead; `None` if the bead itself does.
     pub carrier: Option<usize>,
     /// Mass, stiffness and damping.
     pub oscillator: Oscillator,

@@ -2,8 +2,8 @@
 
 /// Indices of the state vector. It holds displacements and velocities of the bodies, relative displacements
 /// and velocities of the intruders, the energy dissipated in all contacts, the energy dissipated in each
-/// intruder, the momentum given to the wall if there is one, the work of a drive if there is one, and the energy
-/// dissipated on the ground if that drags.
+/// intruder, the momentum given to the wall if there is one, the work of a drive if there is one, and the
+/// energy dissipated on the ground if that drags.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct StateLayout {
     pub(super) bodies: usize,

@@ -28,8 +28,8 @@ pub struct Optimum {
     pub objective: Objective,
     /// Its value at each speed, at [`Accuracy::REFERENCE`], in its own unit ([`Objective::unit`]).
     pub values: Vec<f64>,
-    /// Its value at each speed without intruders, on the scenario's own beads, of which shares are parts; 1 for
-    /// [`Objective::Remaining`].
+    /// Its value at each speed without intruders, on the scenario's own beads, of which shares are parts; 1
+    /// for [`Objective::Remaining`].
     pub without: Vec<f64>,
     /// Remaining energy at each speed, at [`Accuracy::REFERENCE`].
     pub strikes: Vec<Remaining>,

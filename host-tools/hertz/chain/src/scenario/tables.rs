@@ -74,8 +74,8 @@ pub struct Chain {
     /// weight of all beads above it, and the run begins from that state at rest.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub gravity: f64,
-    /// Time τ in which the ground would slow a bead to 1/e of its speed, s: it pulls at each with M V/τ. Without
-    /// it, nothing does. It does not act on the striker or a driven body, nor on intruders.
+    /// Time τ in which the ground would slow a bead to 1/e of its speed, s: it pulls at each with M V/τ.
+    /// Without it, nothing does. It does not act on the striker or a driven body, nor on intruders.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub drag_time: Option<f64>,
 }
@@ -136,8 +136,8 @@ pub struct Wall {
     pub gap: f64,
 }
 
-/// A mass on a spring and damper inside each of some beads, or inside another intruder there. Its mass is part
-/// of the bead's, not added to it; it is not part of the other intruder's.
+/// A mass on a spring and damper inside each of some beads, or inside another intruder there. Its mass is
+/// part of the bead's, not added to it; it is not part of the other intruder's.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[non_exhaustive]
@@ -154,8 +154,8 @@ pub struct Intruder {
     /// Cubic stiffness k₃, N/m³: the spring's force is k x + k₃ x³. Below zero it softens.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub cubic_stiffness: f64,
-    /// Number of the earlier `[[intruder]]` table, counted from 1, whose intruders carry these ones: spring and
-    /// damper join the two, and not this one and the bead. Without it, the beads carry them.
+    /// Number of the earlier `[[intruder]]` table, counted from 1, whose intruders carry these ones: spring
+    /// and damper join the two, and not this one and the bead. Without it, the beads carry them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub inside: Option<usize>,
 }

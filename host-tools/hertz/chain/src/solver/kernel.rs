@@ -487,8 +487,8 @@ fn drive_stage<S: Simd<f64s = f64x8>, const POWERS_TOO: bool>(
     }
 }
 
-/// Adds the pulls of all intruders in a block of bodies to the forces on these. That of a carrier is less what
-/// it carries pulls at it, so the sum is the pull of those that the bodies carry themselves.
+/// Adds the pulls of all intruders in a block of bodies to the forces on these. That of a carrier is less
+/// what it carries pulls at it, so the sum is the pull of those that the bodies carry themselves.
 #[inline(always)]
 fn pulled<S: Simd<f64s = f64x8>>(
     simd: S,
@@ -506,8 +506,8 @@ fn pulled<S: Simd<f64s = f64x8>>(
     total
 }
 
-/// Subtracts the pull of each carried intruder in a moving body from that of its carrier. A carrier comes before
-/// what it carries, so its own carrier has its whole pull by then.
+/// Subtracts the pull of each carried intruder in a moving body from that of its carrier. A carrier comes
+/// before what it carries, so its own carrier has its whole pull by then.
 #[inline(always)]
 fn pull_carriers(guests: &Guests, active: &[Range<usize>], pulls: &mut [LaneBlock]) {
     for (guest, carrier) in guests.carried_in(active) {

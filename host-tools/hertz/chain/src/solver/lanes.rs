@@ -139,8 +139,8 @@ impl Guests {
             .filter(move |&guest| self.carriers[guest].is_none())
     }
 
-    /// Carried intruders whose hosts are in these runs of blocks, each with its carrier. The pulls of others are
-    /// those of an earlier stage.
+    /// Carried intruders whose hosts are in these runs of blocks, each with its carrier. The pulls of others
+    /// are those of an earlier stage.
     #[inline(always)]
     pub(super) fn carried_in(&self, runs: &[Range<usize>]) -> impl Iterator<Item = (usize, usize)> {
         let moves = |guest: usize| {
@@ -153,7 +153,8 @@ impl Guests {
             .filter(move |&(guest, _)| moves(guest))
     }
 
-    /// Acceleration of an intruder by the pulls of its own spring and damper and of those that it carries, m/s².
+    /// Acceleration of an intruder by the pulls of its own spring and damper and of those that it carries,
+    /// m/s².
     pub(super) fn acceleration(&self, guest: usize, pulls: &[LaneBlock]) -> f64 {
         let seat = self.seat(guest);
         -pulls[seat / BLOCK][seat % BLOCK] * self.inverse[seat]

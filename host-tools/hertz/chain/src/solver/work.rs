@@ -130,8 +130,8 @@ impl DrivenStep {
 /// Lane of the contact of body 0.
 const FIRST_CONTACT: usize = BLOCK + 1;
 
-/// Power dissipated in all contacts, force on the wall, power dissipated on the ground, and power dissipated in
-/// each intruder, at each stage.
+/// Power dissipated in all contacts, force on the wall, power dissipated on the ground, and power dissipated
+/// in each intruder, at each stage.
 #[derive(Debug, Clone)]
 pub(super) struct StagePowers {
     pub(super) contacts: [f64; STAGES],
@@ -439,8 +439,8 @@ impl Work {
     }
 }
 
-/// Losses since the start of the step: in contacts and on the ground, J, and to the wall, kg·m/s; and the work of
-/// the drive, J.
+/// Losses since the start of the step: in contacts and on the ground, J, and to the wall, kg·m/s; and the
+/// work of the drive, J.
 pub(super) struct PartLosses {
     pub(super) contacts: f64,
     pub(super) wall: f64,
