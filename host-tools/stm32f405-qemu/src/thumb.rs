@@ -9,8 +9,8 @@
 //! time limit. QEMU goes on from there, and cannot tell.
 //!
 //! A loop that comes back to the same state does the same again, as long as what it reads stays. Its turns up
-//! to then are counted at once (`turns`). So are turns that differ in counters alone, up to the first that may
-//! end the loop (`trace`).
+//! to then are counted at once (`turns`). Turns that differ in counters alone are too, up to the first that
+//! may end the loop (`trace`).
 //!
 //! A handler whose interrupt stays up is such a loop: it returns, and is entered again without an instruction
 //! in between. The registers are not even restored (ARMv7-M ARM, B1.5.12). The interpreter follows it if it

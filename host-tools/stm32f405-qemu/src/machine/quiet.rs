@@ -1,5 +1,5 @@
-//! Accesses to registers that change by time and events only, or by these accesses alone, one after the other,
-//! without anything else.
+//! Accesses to registers that change by time and events only, or by these accesses alone, one after the
+//! other, without anything else.
 
 use super::table::{PeripheralRow, TABLE, offset_in, row_at};
 use crate::peripherals::dma::Dma;

@@ -19,7 +19,8 @@ pub(super) fn pending(qemu: &Qemu) -> u32 {
     (qemu.read_nvic(ICSR, 4) >> 12) as u32 & 0x1ff
 }
 
-/// Returns `true` if an exception may interrupt the handler of another, whatever else masks it. 0 is no handler.
+/// Returns `true` if an exception may interrupt the handler of another, whatever else masks it. 0 is no
+/// handler.
 pub(super) fn may_preempt(exception: u32, handled: u32, qemu: &Qemu) -> bool {
     if handled < FIRST || exception < FIRST {
         return true;

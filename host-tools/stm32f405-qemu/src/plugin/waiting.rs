@@ -42,7 +42,7 @@ const WORTHWHILE: u64 = 1000;
 /// which QEMU executes faster unless its turns repeat, and of a handler.
 const MOST_STEPS: [u64; 3] = [1 << 20, 2000, 1 << 20];
 
-/// What a try is for.
+/// Reason of a try.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Reason {
     Reads,
@@ -134,7 +134,7 @@ impl Watch {
         follows
     }
 
-    /// A try begins. Gives what it is for.
+    /// A try begins. Gives its reason.
     pub(super) fn take(&self) -> Reason {
         self.asked.store(false, Relaxed);
         self.follows.store(false, Relaxed);
@@ -150,7 +150,7 @@ impl Watch {
 
     /// A try could not be made.
     pub(super) fn in_vain(&self, reason: Reason) {
-        self.result(reason, 0, 0);
+        self.result(reason, false);
     }
 
     /// A try has executed instructions.
@@ -163,18 +163,24 @@ impl Watch {
             Some(HandBack::Return) => self.follow(),
             None => executed.refused_begun && reason == Reason::Entries && self.follow(),
         };
-        if !follows || executed.instructions >= WORTHWHILE {
-            self.result(reason, executed.instructions, executed.stepped);
+        let worthwhile = executed.instructions >= WORTHWHILE;
+        if !follows || worthwhile {
+            let good = match reason {
+                Reason::Reads => worthwhile,
+                Reason::Blocks => executed.instructions > 4 * executed.stepped,
+                // QEMU may execute a long handler faster.
+                Reason::Entries => worthwhile && executed.entered_again,
+            };
+            self.result(reason, good);
         }
     }
 
-    /// A try has executed instructions, so many of them one by one.
-    fn result(&self, reason: Reason, instructions: u64, stepped: u64) {
-        let worthwhile = instructions >= WORTHWHILE;
-        let (to_try, [first, again, most], good) = match reason {
-            Reason::Reads => (&self.reads_to_try, READS, worthwhile),
-            Reason::Blocks => (&self.blocks_to_try, BLOCKS, instructions > 4 * stepped),
-            Reason::Entries => (&self.entries_to_try, ENTRIES, worthwhile),
+    /// Sets the time of the next try.
+    fn result(&self, reason: Reason, good: bool) {
+        let (to_try, [first, again, most]) = match reason {
+            Reason::Reads => (&self.reads_to_try, READS),
+            Reason::Blocks => (&self.blocks_to_try, BLOCKS),
+            Reason::Entries => (&self.entries_to_try, ENTRIES),
         };
         self.followed.store(0, Relaxed);
         let next = if good {
@@ -202,8 +208,8 @@ pub(super) static BASE_PRIORITY: BasePriority = BasePriority {
 const UNKNOWN: u64 = u64::MAX;
 
 impl BasePriority {
-    /// QEMU is about to execute a write of this value. An instruction at which a handler begins may be executed
-    /// for another reason.
+    /// QEMU is about to execute a write of this value. An instruction at which a handler begins may be
+    /// executed for another reason.
     fn expect(&self, address: u32, value: u32) {
         if !handlers::begins_at(address) {
             let expected = u64::from(address) << 32 | u64::from(value & 0xff);
@@ -459,6 +465,8 @@ pub(super) struct Executed {
     pub(super) endless: bool,
     /// Instruction for QEMU at which they ended, if the interpreter may go on after it.
     pub(super) hands_back: Option<HandBack>,
+    /// True if a handler was left and entered again.
+    entered_again: bool,
     /// They ended at an access that QEMU may have begun.
     pub(super) refused_begun: bool,
     /// Those that were executed one by one.
@@ -485,6 +493,7 @@ pub(super) fn execute(
         instructions: interpreter.instructions,
         endless: interpreter.endless,
         hands_back: interpreter.hands_back,
+        entered_again: interpreter.entered_again(),
         stepped,
         refused_begun: false,
         counts: interpreter.executed().collect(),

@@ -32,6 +32,11 @@ pub(crate) struct Interpreter<'a, B> {
 }
 
 impl<'a, B: Bus> Interpreter<'a, B> {
+    /// Returns `true` if a handler was left and entered again.
+    pub(crate) fn entered_again(&self) -> bool {
+        self.processor.entered_again
+    }
+
     /// Begins at a time. `entered_with` is the link register if a handler is about to begin.
     pub(crate) fn new(
         registers: Registers,

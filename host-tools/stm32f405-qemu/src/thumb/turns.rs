@@ -29,7 +29,7 @@ pub(super) struct Turn {
     pub(super) holds_until: u64,
 }
 
-/// What a branch backwards is.
+/// A branch backwards, by what came before it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Branch {
     /// The end of a turn that repeats.

@@ -1014,8 +1014,8 @@ fn a_handler_whose_interrupt_stays_up_does_the_same_in_the_interpreter_as_in_qem
 fn a_handler_whose_interrupt_stays_up_is_shortened_and_goes_on_for_ever() {
     /// Registers that the handlers read and write in a millisecond, at least.
     const ACCESSES: u64 = 5000;
-    // It reads; it sets up a DMA stream, also with the stream's interrupt pending; a line rises now and then; what
-    // it adds up never repeats.
+    // It reads; it sets up a DMA stream, also with the stream's interrupt pending; a line rises now and then;
+    // what it adds up never repeats.
     for way in [0, 1, 2, 3, 5] {
         let mut live = storming(way, 0).start().unwrap();
         let passed = live.advance(20_000_000, Inputs::default()).unwrap();
@@ -1027,4 +1027,21 @@ fn a_handler_whose_interrupt_stays_up_is_shortened_and_goes_on_for_ever() {
         let outcome = live.finish().unwrap();
         assert_eq!(outcome.end, RunEnd::Over, "way {way}");
     }
+}
+
+#[test]
+fn a_record_that_comes_in_pieces_is_whole_though_it_holds_the_end_of_a_line() {
+    // Of way 10, so a byte of it is that of a new line.
+    let whole = waited(10, 2, |_| {}).log;
+    let mut live = waiting(10, 2, false).start().unwrap();
+    let (mut now, mut log, mut ended) = (0, Vec::new(), false);
+    while !ended {
+        now += 400;
+        let passed = live.advance(now, Inputs::default()).unwrap();
+        log.extend(passed.log);
+        ended = passed.ended;
+    }
+    log.extend(live.finish().unwrap().log);
+    assert_eq!(whole.len(), 2);
+    assert_eq!(log, whole);
 }

@@ -1,9 +1,9 @@
-//! A handler whose interrupt stays up: it returns, and is entered again without an instruction in between. It
-//! does so in one of the ways in which firmware does. The host writes the way's number to the first word of CCM,
-//! and how many ticks it lasts to the second; 0 is for ever.
+//! A handler whose interrupt stays up: it returns, and is entered again without an instruction in between.
+//! Meanwhile it does one of the things that firmware does. The host writes the number of that to the first
+//! word of CCM, and how many ticks it lasts to the second; 0 is for ever.
 //!
-//! TIM7 ticks each millisecond, and interrupts the handler. The image logs what it counted, and what the ticks
-//! found on the stack.
+//! TIM7 ticks each millisecond, and interrupts the handler. The image logs what it counted, and what the
+//! ticks found in the link register.
 #![no_std]
 #![no_main]
 #![allow(
@@ -100,8 +100,8 @@ fn prioritize(line: usize, priority: u32) {
     modify(word, |all| all & !(0xff << shift) | priority << shift);
 }
 
-/// A stream is stopped, and set up anew for another buffer, as drivers do it. It stays stopped for a moment with
-/// its flag, which raises its line.
+/// Stops a stream, and sets it up anew for another buffer, as drivers do. Stopped, it has its flag for a
+/// moment, which raises its line.
 fn restart(dma: usize, stream: usize, flags: u32) {
     const SETTINGS: u32 = 4 << 25 | 1 << 10 | 1 << 4;
     write(dma + stream, SETTINGS);
