@@ -556,3 +556,33 @@ fn a_steady_write_moves_no_data() {
     // Another peripheral.
     assert_eq!(steady(&mut bench, TIM2 + 0x24, 0), None);
 }
+
+/// External clock mode 1 with an internal trigger (sections 18.3.15 and 18.4.3): one timer is the prescaler of
+/// another.
+#[test]
+fn a_timer_counts_the_trigger_output_of_another_and_interrupts_at_its_own_update() {
+    const TIM2_LINE: usize = 28;
+    let mut bench = MachineBench::new(Vec::new());
+    // ITR2 is TIM3. Every second trigger is counted, up to 4.
+    bench.set(
+        TIM2,
+        [(0x08, 0b010 << 4 | 0b111), (0x28, 1), (0x2c, 4), (0x14, 1)],
+    );
+    bench.set(TIM2, [(0x10, 0), (0x0c, 1), (0x00, 1)]);
+    bench.start_tim3();
+    bench.pass(75_000);
+    assert_eq!(bench.read(TIM2 + 0x24), 3, "after seven triggers, one each 10 us");
+    assert_eq!(bench.read(TIM2 + 0x10), 1 << 6, "TIF");
+    bench.run(350_000, |bench| {
+        if bench.has_line(TIM2_LINE) {
+            bench.write(TIM2 + 0x10, 0);
+        }
+    });
+    assert_eq!(bench.board.rises[&TIM2_LINE], [100_000, 200_000, 300_000]);
+    // Without CEN the triggers pass.
+    bench.write(TIM2, 0);
+    let before = bench.read(TIM2 + 0x24);
+    bench.pass(450_000);
+    assert_eq!(bench.read(TIM2 + 0x24), before);
+    assert_eq!(bench.outcome().unmodelled, [""; 0]);
+}
