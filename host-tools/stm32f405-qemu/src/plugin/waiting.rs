@@ -364,9 +364,13 @@ impl Bus for Surroundings<'_, '_> {
         is_memory && !self.is_fenced(address, 4)
     }
 
-    fn accepts(&self, address: u32, bytes: u32) -> bool {
+    fn accepts(&self, address: u32, bytes: u32, now: u64) -> bool {
         if PERIPHERALS.contains(&address) {
-            return bytes == 4 && self.machine.only_moves_pins(address) && !self.is_fenced(address, bytes);
+            let is_begun = self.repeats_at == Some(now);
+            return bytes == 4
+                && !is_begun
+                && self.machine.only_moves_pins(address)
+                && !self.is_fenced(address, bytes);
         }
         let is_ram = self.machine.part().is_ram(address, bytes as usize);
         is_ram && self.log != Some(address & !3) && !self.is_fenced(address, bytes)

@@ -43,8 +43,8 @@ pub(crate) trait Bus {
     /// Returns `true` if reads of the word there have no effect.
     fn is_memory(&self, address: u32) -> bool;
 
-    /// Returns `true` if `store` will accept 1, 2 or 4 bytes there.
-    fn accepts(&self, address: u32, bytes: u32) -> bool;
+    /// Returns `true` if `store` will accept 1, 2 or 4 bytes there at this time.
+    fn accepts(&self, address: u32, bytes: u32, now: u64) -> bool;
 
     /// Writes them.
     fn store(&mut self, address: u32, bytes: u32, value: u32, now: u64) -> Stored;

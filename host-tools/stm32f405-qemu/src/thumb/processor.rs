@@ -460,7 +460,8 @@ impl<'a, B: Bus> Processor<'a, B> {
     fn accepts(&self, address: u32, bytes: u32, code: &Code) -> Option<()> {
         // A store over an instruction that is known is for QEMU.
         let is_code = code.holds_near(address);
-        (!is_code && address & (bytes - 1) == 0 && self.bus.accepts(address, bytes)).then_some(())
+        let now = self.now + self.instruction_ns;
+        (!is_code && address & (bytes - 1) == 0 && self.bus.accepts(address, bytes, now)).then_some(())
     }
 
     fn store(&mut self, address: u32, bytes: u32, value: u32) {

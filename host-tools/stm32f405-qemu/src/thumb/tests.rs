@@ -46,7 +46,7 @@ impl Bus for Machine {
         false
     }
 
-    fn accepts(&self, _address: u32, _bytes: u32) -> bool {
+    fn accepts(&self, _address: u32, _bytes: u32, _now: u64) -> bool {
         false
     }
 
@@ -257,7 +257,7 @@ impl Bus for Storm {
         true
     }
 
-    fn accepts(&self, _address: u32, _bytes: u32) -> bool {
+    fn accepts(&self, _address: u32, _bytes: u32, _now: u64) -> bool {
         true
     }
 

@@ -148,12 +148,15 @@ extern "C" fn storm() {
             unsafe { basepri::write(before) };
             add(&SUM, status);
         }
+        // Floating point is in use now and then, and not when the handler is entered again.
         7 => {
             let taken = add(&TAKEN, 1);
-            if taken / 1000 % 2 == 1 {
+            if taken % 64 == 0 {
                 add(&SUM, (taken as f32 * 1.5) as u32);
             }
-            restart(DMA2, STREAM2, 0x3d << 16);
+            for _ in 0..20 {
+                read(USART1);
+            }
         }
         8 => {
             SUM.fetch_xor(read(USART1), Relaxed);
