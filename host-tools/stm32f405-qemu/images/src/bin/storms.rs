@@ -145,13 +145,14 @@ extern "C" fn storm() {
             // SAFETY: the priority that was there comes back.
             unsafe { basepri::write(0x80) };
             let status = read(USART1);
+            // SAFETY: as above.
             unsafe { basepri::write(before) };
             add(&SUM, status);
         }
         // Floating point is in use now and then, and not when the handler is entered again.
         7 => {
             let taken = add(&TAKEN, 1);
-            if taken % 64 == 0 {
+            if taken.is_multiple_of(64) {
                 add(&SUM, (taken as f32 * 1.5) as u32);
             }
             for _ in 0..20 {

@@ -557,8 +557,8 @@ fn a_steady_write_moves_no_data() {
     assert_eq!(steady(&mut bench, TIM2 + 0x24, 0), None);
 }
 
-/// External clock mode 1 with an internal trigger (sections 18.3.15 and 18.4.3): one timer is the prescaler of
-/// another.
+/// External clock mode 1 with an internal trigger (sections 18.3.15 and 18.4.3): one timer is the prescaler
+/// of another.
 #[test]
 fn a_timer_counts_the_trigger_output_of_another_and_interrupts_at_its_own_update() {
     const TIM2_LINE: usize = 28;
