@@ -46,6 +46,7 @@ use crate::given::{FaultKind, Inputs, Run};
 pub use crate::memory::{FLASH, SRAM, WRITABLE};
 use crate::outcome::{Outcome, Pin, Reset, ResetCause};
 use crate::peripherals::Peripheral;
+use crate::peripherals::dma::STREAMS;
 use crate::peripherals::flash::FlashEvent;
 use crate::peripherals::i2c::I2c;
 use crate::peripherals::tim::Tim;
@@ -58,7 +59,7 @@ use events::MachineEvent;
 use levels::Levels;
 use lines::InterruptLines;
 use polls::Polls;
-use quiet::{QuietTime, SteadyRead};
+use quiet::{QuietTime, SteadyRead, SteadyWrite};
 use sampling::Scans;
 use table::{DMA2_LINES, TABLE, row_at};
 use transfers::{Context, Transfers, part, serving};
@@ -197,13 +198,7 @@ impl Machine {
         let holds_until = model
             .holds_until(offset, now)
             .filter(|_| self.chip.is_clocked(row))?;
-        let happened = now >= self.quiet.until;
-        if happened {
-            self.play(now, board);
-            self.settle(board);
-            self.quiet.outputs = None;
-            self.quiet.until = events::next(&self.chip, &self.levels).map_or(u64::MAX, |(at, _)| at);
-        }
+        let happened = self.play_steadily(now, board);
         let value = (row.model_mut)(&mut self.chip.units).read(offset, now).ok()?;
         let ramp = (row.model)(&self.chip.units).ramp(offset, now);
         let ramp = ramp.filter(|_| !happened && bytes == 4).map(|ramp| Ramp {
@@ -222,6 +217,75 @@ impl Machine {
             holds_until,
             ramp,
         })
+    }
+
+    /// Plays what has happened up to `now`, and gives whether that is anything.
+    fn play_steadily(&mut self, now: u64, board: &mut impl Exterior) -> bool {
+        let happened = now >= self.quiet.until;
+        if happened {
+            self.play(now, board);
+            self.settle(board);
+            self.quiet.outputs = None;
+            self.quiet.until = events::next(&self.chip, &self.levels).map_or(u64::MAX, |(at, _)| at);
+        }
+        happened
+    }
+
+    /// Does what [`Self::write`] does with a word, for a register of a DMA controller, between
+    /// [`Self::begin_steady_reads`] and the next call of another kind. `None`, without an effect, for another
+    /// register, or if the write would move data, leave a note or raise a line that `may_rise` refuses.
+    pub fn write_steady(
+        &mut self,
+        address: u32,
+        value: u32,
+        now: u64,
+        board: &mut impl Exterior,
+        may_rise: impl FnMut(usize) -> bool,
+    ) -> Option<SteadyWrite> {
+        let (row, offset) = self.quiet.place(address & !3)?;
+        let dma = ["DMA1", "DMA2"].iter().position(|name| *name == row.name)?;
+        self.chip.is_clocked(row).then_some(())?;
+        let happened = self.play_steadily(now, board);
+        let before = self.chip.units.dma[dma].clone();
+        let after = before.written(offset, value, now)?;
+        let rises = |stream: &usize| after.interrupt(*stream) && !before.interrupt(*stream);
+        let mut rising = (0..STREAMS).filter(rises).map(|stream| row.lines[stream]);
+        if !rising.all(may_rise) {
+            return None;
+        }
+        self.chip.units.dma[dma] = after;
+        let moves = Transfers::are_due(&self.chip);
+        self.chip.units.dma[dma] = before;
+        if moves {
+            return None;
+        }
+        let kept = &mut self.quiet.kept[dma];
+        kept.get_or_insert_with(|| self.chip.units.dma[dma].clone());
+        self.write(address, 4, value, now, board);
+        self.quiet.outputs = None;
+        self.quiet.until = events::next(&self.chip, &self.levels).map_or(u64::MAX, |(at, _)| at);
+        Some(SteadyWrite {
+            holds_until: if happened { now } else { self.quiet.until },
+            next_interrupt: self.next_interrupt(),
+        })
+    }
+
+    /// Keeps what the registers are that [`Self::write_steady`] writes.
+    pub fn keep_registers(&mut self) {
+        self.quiet.kept = [None, None];
+    }
+
+    /// Returns `true` if they are as they were at the last [`Self::keep_registers`].
+    pub fn are_registers_as_kept(&self) -> bool {
+        let pairs = self.quiet.kept.iter().zip(&self.chip.units.dma);
+        pairs
+            .filter_map(|(kept, now)| Some((kept.as_ref()?, now)))
+            .all(|(kept, now)| kept == now)
+    }
+
+    /// Returns `true` if the board knows an interrupt line to be up.
+    pub(crate) fn is_line_up(&self, line: usize) -> bool {
+        self.lines.is_up(line)
     }
 
     /// The processor writes 1, 2 or 4 bytes.

@@ -66,7 +66,7 @@ pub(super) fn next_but(chip: &Chip, levels: &Levels, scans: Option<Scans>) -> Op
     }
     for (n, timer) in tim.iter().enumerate().filter(|_| chip.linked_timers) {
         offer(timer.next_request(), MachineEvent::TimerRequests(n));
-        if let Some(master) = timer.restarted_by().and_then(|itr| wiring::master(n, itr)) {
+        if let Some(master) = timer.moved_by().and_then(|itr| wiring::master(n, itr)) {
             offer(tim[master].trigger(0), MachineEvent::ConvertersTriggered(master));
         }
     }

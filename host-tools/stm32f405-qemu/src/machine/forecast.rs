@@ -3,7 +3,7 @@
 use super::chip::Chip;
 use super::levels::Levels;
 use super::transfers::serving;
-use super::wiring::{ADCS, SERVERS, USARTS};
+use super::wiring::{self, ADCS, SERVERS, USARTS};
 use crate::peripherals::Peripheral;
 use crate::peripherals::dac::CHANNELS;
 use crate::peripherals::tim::Tim;
@@ -42,6 +42,9 @@ pub(super) fn next_interrupt(chip: &Chip, levels: &Levels) -> Option<u64> {
         let at = units.tim[tim].next_request()?;
         served(&tim).then_some(at)
     });
+    let moved = (0..linked).filter(|tim| units.tim[*tim].internal_trigger_interrupts());
+    let moved =
+        moved.filter_map(|tim| units.tim[wiring::master(tim, units.tim[tim].moved_by()?)?].trigger(0));
     let captures = levels.next_capture(chip);
     // Over a wire, an output may come to an input that interrupts.
     let outputs = units.tim.iter().filter(|_| !chip.wires.is_empty());
@@ -54,6 +57,7 @@ pub(super) fn next_interrupt(chip: &Chip, levels: &Levels) -> Option<u64> {
         .chain(captures)
         .chain(outputs)
         .chain(requests)
+        .chain(moved)
         .min()
 }
 

@@ -8,6 +8,11 @@ use super::chip::Chip;
 pub(super) struct InterruptLines(u128);
 
 impl InterruptLines {
+    /// Returns `true` if the board knows a line to be up.
+    pub(super) fn is_up(&self, line: usize) -> bool {
+        self.0 >> line & 1 == 1
+    }
+
     pub(super) fn settle(&mut self, chip: &mut Chip, board: &mut impl Exterior) {
         // The vectors are in flash: a line that rises now is served when flash can be read again.
         if chip.stands_still() {

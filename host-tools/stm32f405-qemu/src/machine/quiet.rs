@@ -1,6 +1,8 @@
-//! Reads of registers that change by time and events only, one after the other, without anything else.
+//! Accesses to registers that change by time and events only, or by these accesses alone, one after the
+//! other, without anything else.
 
 use super::table::{PeripheralRow, TABLE, offset_in, row_at};
+use crate::peripherals::dma::Dma;
 use crate::ramp::Ramp;
 
 /// A read that has no effect but its value.
@@ -15,6 +17,17 @@ pub struct SteadyRead {
     pub ramp: Option<Ramp>,
 }
 
+/// A write that has no effect but on the registers of its peripheral.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SteadyWrite {
+    /// Time up to which every read gives the same, if nothing else is written, ns. Not later than this write
+    /// if something has happened before it.
+    pub holds_until: u64,
+    /// When the next interrupt may come from now on, as
+    /// [`Machine::next_interrupt`](super::Machine::next_interrupt) has it.
+    pub next_interrupt: Option<u64>,
+}
+
 /// Registers whose peripheral is kept.
 const PLACES: usize = 8;
 
@@ -27,6 +40,9 @@ pub(super) struct QuietTime {
     /// levels of the port's outputs, which nothing has changed since.
     pub(super) outputs: Option<(u32, u32)>,
     places: [Option<(u32, usize)>; PLACES],
+    /// The DMA controllers as they were before the first write since
+    /// [`Machine::keep_registers`](super::Machine::keep_registers).
+    pub(super) kept: [Option<Dma>; 2],
 }
 
 impl QuietTime {

@@ -21,14 +21,13 @@ impl Chip {
         let tim = self.converter_trigger(adc)?;
         let triggered = (0..ADCS.len()).filter(|adc| self.converter_trigger(*adc) == Some(tim));
         let outputs = (0..CHANNELS).any(|channel| self.output_trigger(channel) == Some(tim));
-        let slaves =
-            self.linked_timers && (0..self.units.tim.len()).any(|slave| self.is_restarted(slave, tim));
+        let slaves = self.linked_timers && (0..self.units.tim.len()).any(|slave| self.is_moved(slave, tim));
         (triggered.count() == 1 && !outputs && !slaves).then_some(Scans { adc, tim })
     }
 
-    /// Returns `true` if the trigger output of a timer restarts another.
-    fn is_restarted(&self, slave: usize, master: usize) -> bool {
-        let trigger = self.units.tim[slave].restarted_by();
+    /// Returns `true` if the trigger output of a timer restarts another, or is its clock.
+    fn is_moved(&self, slave: usize, master: usize) -> bool {
+        let trigger = self.units.tim[slave].moved_by();
         trigger.and_then(|itr| wiring::master(slave, itr)) == Some(master)
     }
 
@@ -56,8 +55,8 @@ impl Chip {
             0
         };
         for slave in 0..slaves {
-            if self.is_restarted(slave, tim) {
-                self.units.tim[slave].restart(at);
+            if self.is_moved(slave, tim) {
+                self.units.tim[slave].take_internal_trigger(at);
             }
         }
         for adc in 0..ADCS.len() {

@@ -97,6 +97,39 @@ impl Transfers {
         }
     }
 
+    /// Returns `true` if a stream has something to move now.
+    pub(super) fn are_due(chip: &Chip) -> bool {
+        let units = &chip.units;
+        let is_served = |server: &Server| serving(chip, server).is_some();
+        let copies = |stream| {
+            let beat = units.dma[DMA2].beat(stream);
+            beat.is_some_and(|beat| beat.direction == Direction::MemoryToMemory)
+        };
+        let requests = |n: usize, flag: usize| units.tim[n].requests() >> flag & 1 == 1;
+        (0..STREAMS).any(copies)
+            || (0..ADCS.len()).any(|n| units.adc.converters[n].request && is_served(&SERVERS.adc[n]))
+            || (0..CHANNELS).any(|n| units.dac.request(n) && is_served(&SERVERS.dac[n]))
+            || (0..USARTS.len()).any(|n| {
+                let usart = &units.usart[n];
+                usart.dma_transmit_request() && is_served(&SERVERS.transmitters[n])
+                    || usart.dma_receive_request() && is_served(&SERVERS.receivers[n])
+            })
+            || (0..I2CS.len()).any(|n| {
+                let (i2c, servers) = (&units.i2c[n], &SERVERS.i2c[n]);
+                i2c.dma_transmit_request() && is_served(&servers.transmitter)
+                    || i2c.dma_receive_request() && is_served(&servers.receiver)
+            })
+            || (0..SPIS.len()).any(|n| {
+                let (spi, servers) = (&units.spi[n], &SERVERS.spi[n]);
+                spi.dma_transmit_request() && is_served(&servers.transmitter)
+                    || spi.dma_receive_request() && is_served(&servers.receiver)
+            })
+            || (0..units.tim.len()).any(|n| {
+                let mut servers = SERVERS.timers[n].iter().enumerate();
+                servers.any(|(flag, server)| requests(n, flag) && is_served(server))
+            })
+    }
+
     fn serve_timers(&mut self, at: &mut Context<'_, impl Exterior>) {
         for n in 0..at.chip.units.tim.len() {
             let requests = at.chip.units.tim[n].requests();

@@ -79,7 +79,7 @@ impl BeatProgress {
     };
 }
 
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
 struct StreamRegisters {
     cr: u32,
     ndtr: u32,
@@ -91,7 +91,7 @@ struct StreamRegisters {
     flags: u32,
 }
 
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(crate) struct Dma {
     /// DMA1 is 0.
     number: usize,
@@ -201,6 +201,13 @@ impl Dma {
         let half = (s.cr & HTIE != 0).then_some(to_half);
         let full = (s.cr & TCIE != 0).then_some(s.ndtr);
         half.into_iter().chain(full).min()
+    }
+
+    /// The controller after a write, unless that leaves a note.
+    pub(crate) fn written(&self, offset: u32, value: u32, now: u64) -> Option<Self> {
+        let mut after = self.clone();
+        after.write(offset, value, now).ok()?;
+        (after.notes == self.notes).then_some(after)
     }
 
     fn status(&self, first: usize) -> u32 {

@@ -62,8 +62,7 @@ const CRYSTAL_INTERRUPT: &str = "OR: an interrupt by the crystal's edges is not 
 const DEAD_TIME: &str = "BDTR.DTG: dead time is not modelled: both outputs move at once";
 const FILTERS: &str = "CCMR: input filters and prescalers are not modelled";
 const CAPTURE_ON_TRIGGER: &str = "CCMR: capture on the trigger input is not modelled";
-const SLAVE_MODES: &str =
-    "SMCR: gated mode, counting of another timer's triggers and the input ETR are not modelled";
+const SLAVE_MODES: &str = "SMCR: gated mode and the input ETR are not modelled";
 const TRIGGER_BY_EDGES: &str =
     "CR2.MMS: a timer that counts edges makes no trigger output for its updates and compares";
 
@@ -182,9 +181,26 @@ impl Tim {
             .filter(|_| self.slave_mode() == STARTS && !self.counter.enabled)
     }
 
-    /// The internal trigger that restarts this timer: in slave mode *reset*.
-    pub(crate) fn restarted_by(&self) -> Option<u32> {
-        self.internal_trigger().filter(|_| self.slave_mode() == RESTARTS)
+    /// The internal trigger that moves this timer each time: it restarts it in slave mode *reset*, and is its
+    /// clock in external clock mode 1.
+    pub(crate) fn moved_by(&self) -> Option<u32> {
+        let moves = matches!(self.slave_mode(), RESTARTS | COUNTS_EDGES);
+        self.internal_trigger().filter(|_| moves)
+    }
+
+    /// The internal trigger comes that moves this timer.
+    pub(crate) fn take_internal_trigger(&mut self, at: u64) {
+        if self.slave_mode() == RESTARTS {
+            self.restart(at);
+        } else {
+            self.take_trigger();
+            self.step(false, at);
+        }
+    }
+
+    /// Returns `true` if the internal trigger that moves this timer may raise an interrupt line.
+    pub(crate) fn internal_trigger_interrupts(&self) -> bool {
+        self.moved_by().is_some() && (self.may_raise(TRIGGER | UPDATE) || self.steps_may_raise())
     }
 
     /// SMCR.SMS.
@@ -197,9 +213,9 @@ impl Tim {
         matches!(self.slave_mode(), 0b001..=0b011)
     }
 
-    /// Returns `true` in external clock mode 1 with edges of TI1 or TI2.
+    /// Returns `true` in external clock mode 1 with edges of TI1 or TI2, or another timer's trigger output.
     fn counts_edges(&self) -> bool {
-        self.slave_mode() == COUNTS_EDGES && matches!(field(self.smcr, 4, 3), 0b100..=0b110)
+        self.slave_mode() == COUNTS_EDGES && field(self.smcr, 4, 3) != 0b111
     }
 
     /// An edge comes at TI1 or TI2 of an encoder, while the other of the two has this level (section 18.3.12,
@@ -277,7 +293,7 @@ impl Tim {
 
     /// Returns `true` if it requests DMA, or another timer may restart it.
     pub(crate) fn is_linked(&self) -> bool {
-        self.dier & REQUESTS != 0 || self.restarted_by().is_some()
+        self.dier & REQUESTS != 0 || self.moved_by().is_some()
     }
 
     /// When the counter will next make a DMA request.

@@ -59,6 +59,8 @@ const BRANCH_TO_SELF_WIDE: u32 = 0xbffe_f7ff;
 const CPSID_I: u32 = 0xb672;
 const CPSIE_I: u32 = 0xb662;
 const MSR_PRIMASK: RangeInclusive<u32> = 0x8810_f380..=0x8810_f38f;
+/// MSR BASEPRI and BASEPRI_MAX.
+const MSR_BASEPRI: [RangeInclusive<u32>; 2] = [0x8811_f380..=0x8811_f38f, 0x8812_f380..=0x8812_f38f];
 
 static FUNCTIONS: OnceLock<Functions> = OnceLock::new();
 /// First addresses of the handlers of faults, and of the functions that a panic enters.
@@ -504,6 +506,9 @@ extern "C" fn on_translate(first: Pointer, second: Pointer) {
                 Some(word) if MSR_PRIMASK.contains(&word) => {
                     watch(instruction, on_restore_mask, NO_REGISTERS, null_mut());
                 }
+                Some(word) if MSR_BASEPRI.iter().any(|words| words.contains(&word)) => {
+                    watch(instruction, on_base_priority, NO_REGISTERS, at);
+                }
                 _ => {}
             }
             if panics.contains(&address) {
@@ -534,7 +539,7 @@ extern "C" fn on_translate(first: Pointer, second: Pointer) {
 /// A block of instructions begins. If the image has logged something since the last, it is taken at once, so
 /// that the log's buffer never gets full.
 extern "C" fn on_block(_processor: u32, start: Pointer) {
-    if waiting::WATCH.block()
+    if waiting::WATCH.block(start as usize as u32)
         && let Some(qemu) = QEMU.get()
     {
         qemu.call_between_instructions(on_loop);
@@ -551,6 +556,13 @@ extern "C" fn on_block(_processor: u32, start: Pointer) {
 extern "C" fn on_loop(_processor: Pointer, _: Pointer) {
     if let Some((mut overlay, qemu)) = running() {
         let counts = overlay.shorten_wait(qemu);
+        for (address, times) in &counts {
+            if let Some(taken) = handlers::count_at(*address) {
+                taken.fetch_add(*times, Relaxed);
+                // As where QEMU executes its first instruction.
+                waiting::EVENT.store(true, Relaxed);
+            }
+        }
         if let Some((counters, sites)) = COUNTERS.get() {
             let mut sites = sites.lock().unwrap_or_else(PoisonError::into_inner);
             for (address, times) in counts {
@@ -572,6 +584,15 @@ extern "C" fn on_handler(_processor: u32, count: Pointer) {
     if let Some(count) = unsafe { count.cast::<AtomicU64>().as_ref() } {
         count.fetch_add(1, Relaxed);
     }
+    if waiting::WATCH.entry(count as usize)
+        && let Some(qemu) = QEMU.get()
+    {
+        qemu.call_between_instructions(on_loop);
+    }
+}
+
+extern "C" fn on_base_priority(_processor: u32, at: Pointer) {
+    waiting::BASE_PRIORITY.written(at as usize as u32);
 }
 
 extern "C" fn on_fault(_processor: u32, at: Pointer) {

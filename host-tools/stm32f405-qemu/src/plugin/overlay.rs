@@ -14,14 +14,14 @@ use super::fences::fences;
 use super::qemu::{self, Qemu};
 use super::recorder::{Outside, RunRecorder, written};
 use super::stops::Stops;
-use super::{handlers, rtt, self_test, waiting};
+use super::{handlers, priorities, rtt, self_test, waiting};
 use crate::ending::RunEnd;
 use crate::exchange::{self, FORMAT, Reached, RunDescription, SELF_TEST_STATUS, TimeStep};
 use crate::given::{Fault, Poke, Since};
 use crate::machine::{Exterior, Machine};
 use crate::memory::{FLASH, WRITABLE, is_ram};
 use crate::outcome::{Outcome, StretchWork};
-use crate::thumb::Registers;
+use crate::thumb::{HandBack, Registers};
 
 /// Instructions that QEMU executes itself before something may happen.
 const MARGIN: u64 = 64;
@@ -51,6 +51,8 @@ pub(super) struct Overlay {
     executed_to: Option<u64>,
     /// Registers with which the processor goes on after a wait of the overlay's own.
     goes_on_with: Option<Registers>,
+    /// The time at which the processor has executed the return from a handler that it enters again.
+    returns_at: Option<u64>,
     powered_up: bool,
     interrupts_tested: bool,
     /// QEMU has loaded the image anew, over what the firmware wrote to flash.
@@ -104,6 +106,7 @@ impl Overlay {
             wakes_at: 0,
             executed_to: None,
             goes_on_with: None,
+            returns_at: None,
             powered_up: false,
             interrupts_tested: false,
             reloaded: false,
@@ -200,36 +203,51 @@ impl Overlay {
             && self.description.shortens_waits
             && self.counters().is_none_or(|counters| !counters.times())
             && !qemu.reset_requested.load(Relaxed)
-            && now < until
-            && !failures::interrupt_pending(qemu);
-        let polled = waiting::WATCH.take();
+            && now < until;
+        let reason = waiting::WATCH.take();
+        let returned = self.returns_at.take() == Some(now);
         let fences = may.then(|| fences(qemu)).flatten();
         let registers = fences.as_ref().and_then(|_| qemu.registers_of_processor());
+        let registers = registers.filter(|registers| {
+            let pending = priorities::pending(qemu);
+            pending == 0 || !priorities::may_preempt(pending, registers.exception(), qemu)
+        });
         let (Some(fences), Some(registers)) = (fences, registers) else {
-            waiting::WATCH.result(polled, 0, 0);
+            waiting::WATCH.in_vain(reason);
             return Vec::new();
         };
         let mut outside = Outside(qemu, &mut self.recorder);
         let ns = self.description.instruction_ns;
         let log = self.description.rtt.map(rtt::write_offset);
+        let vectors = match qemu.read_nvic(VTOR, 4) as u32 {
+            // Flash is seen there too.
+            0 => FLASH.start,
+            vectors => vectors,
+        };
         self.machine.begin_steady_reads();
         let around = waiting::Surroundings {
             machine: &mut self.machine,
             outside: &mut outside,
             qemu,
             log,
-            repeats_at: (!polled).then_some(now + ns),
+            repeats_at: (reason != waiting::Reason::Reads).then_some(now + ns),
             watched: [
                 &self.description.fault_handlers,
                 &self.description.panic_functions,
             ],
+            refused_begun: false,
             fences,
+            vectors,
+            at_entry: returned,
+            margin_ns: MARGIN * ns,
+            kept: waiting::KeptWords::default(),
         };
-        let Some(executed) = waiting::execute(registers, now..until, ns, polled, around) else {
-            waiting::WATCH.result(polled, 0, 0);
+        let executed = waiting::execute(registers, now..until, ns, reason, around);
+        waiting::WATCH.executed(reason, &executed);
+        self.returns_at = (executed.hands_back == Some(HandBack::Return)).then_some(executed.now + ns);
+        if executed.instructions == 0 {
             return Vec::new();
-        };
-        waiting::WATCH.result(polled, executed.instructions, executed.stepped);
+        }
         if executed.endless && self.description.run.stop_when_hung && self.nothing_is_to_come() {
             self.end(RunEnd::Hung(executed.registers.r[15].into()), now, qemu);
             return Vec::new();
@@ -273,7 +291,8 @@ impl Overlay {
         }
         self.executed_to = None;
         qemu.stall(false);
-        qemu.wake_at(self.wakes_at);
+        // A register that was written may bring an interrupt earlier.
+        self.after(qemu.now(), qemu);
         true
     }
 
@@ -400,7 +419,8 @@ impl Overlay {
         if let Some(blocks) = &mut self.recorder.blocks {
             blocks.restart();
         }
-        (self.executed_to, self.goes_on_with) = (None, None);
+        (self.executed_to, self.goes_on_with, self.returns_at) = (None, None, None);
+        waiting::BASE_PRIORITY.forget();
         self.recorder.restore_flash(qemu);
         // After this QEMU loads the image, and after that comes the processor's first instruction.
         self.reloaded = true;

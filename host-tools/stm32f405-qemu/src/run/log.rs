@@ -38,6 +38,8 @@ pub(super) struct Log {
     table: Option<Table>,
     /// The beginning of a record, whose end has not come.
     rest: Vec<u8>,
+    /// A frame of defmt has come: the byte that ends a line of text may lie in the middle of one.
+    framed: bool,
 }
 
 impl Log {
@@ -45,13 +47,20 @@ impl Log {
     /// As [`decode`].
     pub(super) fn new(path: &Path, elf: &[u8]) -> Result<Self, RunError> {
         let (table, rest) = (parse(path, elf)?, Vec::new());
-        Ok(Self { table, rest })
+        Ok(Self {
+            table,
+            rest,
+            framed: false,
+        })
     }
 
     /// The records that end in these bytes.
     pub(super) fn take(&mut self, bytes: &[u8]) -> Vec<LogLine> {
         self.rest.extend(bytes);
-        let end = self.rest.iter().rposition(|byte| matches!(byte, 0 | b'\n'));
+        self.framed |= self.table.is_some() && bytes.contains(&0);
+        let may_be_text = self.table.is_none() || (!self.framed && is_text(&self.rest));
+        let ends = |byte: &u8| *byte == 0 || (*byte == b'\n' && may_be_text);
+        let end = self.rest.iter().rposition(ends);
         let too_long = self.rest.len() > LONGEST_RECORD;
         let end = end.map_or(if too_long { self.rest.len() } else { 0 }, |end| end + 1);
         let whole: Vec<u8> = self.rest.drain(..end).collect();
@@ -100,6 +109,7 @@ mod tests {
         let mut log = Log {
             table: None,
             rest: Vec::new(),
+            framed: false,
         };
         assert_eq!(log.take(b"ab"), []);
         assert_eq!(log.take(b"c\nd"), [plain("abc")]);

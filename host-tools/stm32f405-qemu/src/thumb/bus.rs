@@ -12,6 +12,26 @@ pub(crate) struct Loaded {
     pub(crate) ramp: Option<Ramp>,
 }
 
+/// A write that has been made.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Stored {
+    /// It has changed something of which [`Bus::is_as_kept`] does not know.
+    pub(crate) changed: bool,
+    /// The time up to which everything that was read keeps its value, if memory is not written.
+    pub(crate) holds_until: u64,
+    /// The time before which instructions have to begin from now on.
+    pub(crate) limit: u64,
+}
+
+impl Stored {
+    /// Nothing has changed that anybody has to know of.
+    pub(crate) const QUIETLY: Self = Self {
+        changed: false,
+        holds_until: u64::MAX,
+        limit: u64::MAX,
+    };
+}
+
 /// The memory and registers around the processor. An access that it refuses has had no effect.
 pub(crate) trait Bus {
     /// A halfword of code.
@@ -23,9 +43,37 @@ pub(crate) trait Bus {
     /// Returns `true` if reads of the word there have no effect.
     fn is_memory(&self, address: u32) -> bool;
 
-    /// Returns `true` if `store` will accept 1, 2 or 4 bytes there.
-    fn accepts(&self, address: u32, bytes: u32) -> bool;
+    /// Returns `true` if `store` will accept 1, 2 or 4 bytes there at this time.
+    fn accepts(&self, address: u32, bytes: u32, now: u64) -> bool;
 
-    /// Writes them. Gives whether that has changed anything.
-    fn store(&mut self, address: u32, bytes: u32, value: u32, now: u64) -> bool;
+    /// Writes them.
+    fn store(&mut self, address: u32, bytes: u32, value: u32, now: u64) -> Stored;
+
+    /// Writes a register that `accepts` knows nothing of, while an exception is handled.
+    fn write_register(
+        &mut self,
+        _place: (u32, u32),
+        _value: u32,
+        _now: u64,
+        _exception: u32,
+    ) -> Option<Stored> {
+        None
+    }
+
+    /// Keeps what memory and registers are now, for [`Self::is_as_kept`].
+    fn keep(&mut self);
+
+    /// Returns `true` if memory and registers are as they were at the last [`Self::keep`].
+    fn is_as_kept(&self) -> bool;
+
+    /// The address of the handler of an exception, if a return from it would enter it again at once, with the
+    /// masks of interrupts as they were when it was entered.
+    fn enters_again(&self, _exception: u32) -> Option<u32> {
+        None
+    }
+
+    /// Returns `true` if a write of BASEPRI in a handler has no effect.
+    fn keeps_base_priority(&self, _value: u32) -> bool {
+        false
+    }
 }

@@ -2,8 +2,8 @@
 
 use super::decode::{Instruction, is_wide, narrow, wide};
 
-/// Number of instructions, by bits 1 to 9 of their addresses.
-const PLACES: usize = 512;
+/// Places of instructions, by bits 1 to 13 of their addresses: a handler and what it calls may be far apart.
+const PLACES: usize = 1 << 13;
 /// An address of no instruction.
 const NOWHERE: u32 = u32::MAX;
 
@@ -17,9 +17,12 @@ pub(super) struct Fetched {
     pub(super) executed: u64,
 }
 
-/// The instructions that were fetched, each at the place of its address.
+/// The instructions that were fetched, one at most for each place.
 pub(super) struct Code {
-    places: Box<[Fetched; PLACES]>,
+    /// Numbers of instructions.
+    places: Box<[u16]>,
+    /// The first is none.
+    fetched: Vec<Fetched>,
     /// Addresses of the first instruction and of the last one.
     ends: [u32; 2],
 }
@@ -33,7 +36,8 @@ impl Code {
             executed: 0,
         };
         Self {
-            places: Box::new([nothing; PLACES]),
+            places: vec![0; PLACES].into(),
+            fetched: vec![nothing],
             ends: [NOWHERE, 0],
         }
     }
@@ -45,19 +49,24 @@ impl Code {
     /// The instruction at the place of an address, which may have another address.
     #[inline(always)]
     pub(super) fn at(&self, address: u32) -> &Fetched {
-        &self.places[Self::place(address)]
+        &self.fetched[self.number(address)]
+    }
+
+    #[inline(always)]
+    fn number(&self, address: u32) -> usize {
+        self.places[Self::place(address)].into()
     }
 
     #[inline(always)]
     pub(super) fn count(&mut self, address: u32) {
-        self.places[Self::place(address)].executed += 1;
+        let number = self.number(address);
+        self.fetched[number].executed += 1;
     }
 
     /// Fetches the instruction at an address by its halfwords. `None` if that is refused, or if another one
     /// with counts is at its place.
     pub(super) fn fetch(&mut self, pc: u32, mut half: impl FnMut(u32) -> Option<u16>) -> Option<()> {
-        let fetched = &mut self.places[Self::place(pc)];
-        if fetched.executed > 0 || pc & 1 == 1 {
+        if self.at(pc).executed > 0 || pc & 1 == 1 {
             return None;
         }
         let first = half(pc)?;
@@ -67,12 +76,19 @@ impl Code {
         } else {
             (narrow(first, pc), pc.wrapping_add(2))
         };
-        *fetched = Fetched {
+        let fetched = Fetched {
             at: pc,
             next,
             instruction,
             executed: 0,
         };
+        match self.number(pc) {
+            0 => {
+                self.places[Self::place(pc)] = self.fetched.len() as u16;
+                self.fetched.push(fetched);
+            }
+            number => self.fetched[number] = fetched,
+        }
         self.ends = [self.ends[0].min(pc), self.ends[1].max(pc)];
         Some(())
     }
@@ -92,18 +108,18 @@ impl Code {
 
     /// Addresses of executed instructions, with their counts.
     pub(super) fn executed(&self) -> impl Iterator<Item = (u32, u64)> {
-        let executed = self.places.iter().filter(|fetched| fetched.executed > 0);
+        let executed = self.fetched.iter().filter(|fetched| fetched.executed > 0);
         executed.map(|fetched| (fetched.at, fetched.executed))
     }
 
-    /// How often each was executed, place by place.
+    /// How often each was executed, in the order in which they were fetched first.
     pub(super) fn counts(&self) -> Vec<u64> {
-        self.places.iter().map(|fetched| fetched.executed).collect()
+        self.fetched.iter().map(|fetched| fetched.executed).collect()
     }
 
     /// Counts what was executed since these counts for a number of further times.
     pub(super) fn count_again(&mut self, before: &[u64], times: u64) {
-        for (fetched, before) in self.places.iter_mut().zip(before) {
+        for (fetched, before) in self.fetched.iter_mut().zip(before) {
             fetched.executed += (fetched.executed - before) * times;
         }
     }

@@ -106,6 +106,13 @@ pub(super) enum Instruction {
         not: bool,
         to: u32,
     },
+    /// TBB and TBH: a table of distances from an address. The table begins there if its register is R15.
+    BranchByTable {
+        table: u8,
+        index: u8,
+        halves: bool,
+        from: u32,
+    },
     IfThen(u8),
     Nothing,
     /// The low byte or halfword, extended.
@@ -165,11 +172,13 @@ pub(super) enum Instruction {
         to: u8,
         from: u8,
     },
+    /// MSR of BASEPRI.
+    SetBasePriority(u8),
 }
 
 use Instruction::{
-    BitField, Branch, BranchIfZero, BranchTo, Data, Divide, Extend, IfThen, Insert, LeadingZeros, Memory,
-    MoveTop, Multiply, MultiplyLong, Nothing, Pair, Reverse, Several,
+    BitField, Branch, BranchByTable, BranchIfZero, BranchTo, Data, Divide, Extend, IfThen, Insert,
+    LeadingZeros, Memory, MoveTop, Multiply, MultiplyLong, Nothing, Pair, Reverse, SetBasePriority, Several,
 };
 
 /// Condition of what is always executed.
@@ -589,6 +598,9 @@ fn branch(a: u32, b: u32, at: u32) -> Option<Instruction> {
     if !is_set(b, 12) && !is_set(b, 14) {
         let condition = bits(a, 6, 4) as u8;
         if condition >= 14 {
+            if bits(a, 4, 12) == 0xf38 && b == 0x8811 {
+                return Some(SetBasePriority(any(a, 0)));
+            }
             // NOP and YIELD; DSB, DMB and ISB.
             let hint = a == 0xf3af && matches!(b, 0x8000 | 0x8001);
             let barrier = a == 0xf3bf && matches!(b & 0xfff0, 0x8f40 | 0x8f50 | 0x8f60);
@@ -637,7 +649,15 @@ fn multiple(a: u32, b: u32) -> Option<Instruction> {
 fn pair(a: u32, b: u32, at: u32) -> Option<Instruction> {
     let (index, up, write_back) = (is_set(a, 8), is_set(a, 7), is_set(a, 5));
     if !index && !write_back {
-        // Exclusive accesses and table branches.
+        if bits(a, 4, 12) == 0xe8d && bits(b, 5, 11) == 0xf000 >> 5 && any(b, 0) != PC {
+            return Some(BranchByTable {
+                table: any(a, 0),
+                index: any(b, 0),
+                halves: is_set(b, 4),
+                from: at + 4,
+            });
+        }
+        // Exclusive accesses.
         return None;
     }
     let (base, offset) = (any(a, 0), 4 * bits(b, 0, 8));

@@ -2,8 +2,8 @@
 
 use super::bus::Bus;
 use super::code::Code;
-use super::processor::{Processor, Step};
-use super::registers::{PC, Registers};
+use super::processor::{HandBack, Processor, Step};
+use super::registers::{LR, PC, Registers};
 use super::trace::Trace;
 
 /// Turns to the first that is traced, and from that to the second.
@@ -25,17 +25,32 @@ pub(crate) struct Interpreter<'a, B> {
     pub(crate) instructions: u64,
     /// True if the last turns that were counted repeat without an end of themselves.
     pub(crate) endless: bool,
+    /// Instruction for QEMU that the last run ended at, if it may go on after it.
+    pub(crate) hands_back: Option<HandBack>,
     /// Turns to the next one that is traced, and from that to the one after it if it gives nothing.
     turns_to_trace: [u32; 2],
 }
 
 impl<'a, B: Bus> Interpreter<'a, B> {
-    pub(crate) fn new(registers: Registers, now: u64, instruction_ns: u64, bus: &'a mut B) -> Self {
+    /// Returns `true` if a handler was left and entered again.
+    pub(crate) fn entered_again(&self) -> bool {
+        self.processor.entered_again
+    }
+
+    /// Begins at a time. `entered_with` is the link register if a handler is about to begin.
+    pub(crate) fn new(
+        registers: Registers,
+        now: u64,
+        instruction_ns: u64,
+        entered_with: Option<u32>,
+        bus: &'a mut B,
+    ) -> Self {
         Self {
-            processor: Processor::new(registers, now, instruction_ns, bus),
+            processor: Processor::new(registers, now, instruction_ns, entered_with, bus),
             code: Code::new(),
             instructions: 0,
             endless: false,
+            hands_back: None,
             turns_to_trace: FIRST_TRACE,
         }
     }
@@ -54,17 +69,21 @@ impl<'a, B: Bus> Interpreter<'a, B> {
     /// and are not part of these. Gives how many those are.
     pub(crate) fn run(&mut self, until: u64, most: u64) -> u64 {
         let mut stepped = 0;
-        while self.processor.now < until && stepped < most {
+        self.processor.limit = until;
+        self.hands_back = None;
+        while self.processor.now < self.processor.limit && stepped < most {
             stepped += 1;
             let pc = self.processor.registers.r[PC];
             if self.code.at(pc).at != pc && self.fetch(pc).is_none() {
                 break;
             }
+            self.processor.refused = None;
             if !self.step(pc) {
+                self.hands_back = self.processor.refused;
                 break;
             }
-            if self.processor.registers.r[PC] <= pc && !self.repeat(until) && self.is_trace_due() {
-                self.leap(until, most - stepped);
+            if self.processor.registers.r[PC] <= pc && !self.repeat() && self.is_trace_due() {
+                self.leap(most - stepped);
             }
         }
         stepped
@@ -90,6 +109,11 @@ impl<'a, B: Bus> Interpreter<'a, B> {
         self.processor.registers.r[PC] = match step {
             Step::Next => next,
             Step::Jump(to) => to,
+            Step::Again(handler, link) => {
+                self.processor.registers.r[LR] = link;
+                self.processor.entered_again = true;
+                handler
+            }
         };
         true
     }
@@ -100,24 +124,21 @@ impl<'a, B: Bus> Interpreter<'a, B> {
     }
 
     /// A branch backwards: counts the turns that repeat. Gives whether this one does.
-    fn repeat(&mut self, until: u64) -> bool {
-        let Some(turn) =
-            self.processor
-                .turns
-                .branch(&self.processor.registers, self.processor.now, self.instructions)
-        else {
+    fn repeat(&mut self) -> bool {
+        let Some(turn) = self.processor.branch(self.instructions) else {
             return false;
         };
-        let end = turn.holds_until.min(until);
+        let end = turn.holds_until.min(self.processor.limit);
         let turns = (end - 1).saturating_sub(self.processor.now) / turn.ns;
         self.processor.turns.restart();
-        self.endless = turn.holds_until == u64::MAX;
+        // An interrupt that stays up is no end, but none of the kind for which a run is stopped.
+        self.endless = turn.holds_until == u64::MAX && !self.processor.entered_again;
         if turns == 0 {
             return true;
         }
         // One of them is executed here, so that each instruction is counted as often as it comes in a turn.
         let before = self.code.counts();
-        let (now, instructions) = (self.processor.now, self.instructions);
+        let instructions = self.instructions;
         while self.instructions < instructions + turn.instructions {
             let done = self.instructions;
             self.run_one();
@@ -126,9 +147,12 @@ impl<'a, B: Bus> Interpreter<'a, B> {
                 return true;
             }
         }
-        self.code.count_again(&before, turns - 1);
-        self.processor.now = now + turns * turn.ns;
-        self.instructions = instructions + turns * turn.instructions;
+        // It may have written a register, and with that an interrupt may come earlier.
+        let end = end.min(self.processor.limit);
+        let left = (end - 1).saturating_sub(self.processor.now) / turn.ns;
+        self.code.count_again(&before, left);
+        self.processor.now += left * turn.ns;
+        self.instructions += left * turn.instructions;
         true
     }
 
@@ -143,16 +167,20 @@ impl<'a, B: Bus> Interpreter<'a, B> {
 
     /// Traces a turn, and counts those that follow it and differ in counters alone, if another `most`
     /// instructions can be executed after them.
-    fn leap(&mut self, until: u64, most: u64) {
+    fn leap(&mut self, most: u64) {
         let again = self.turns_to_trace[1];
-        self.turns_to_trace = match self.trace(until, most) {
+        self.turns_to_trace = match self.trace(most) {
             Some(()) => FIRST_TRACE,
             None => [again, (2 * again).min(LAST_TRACE)],
         };
         self.processor.counted = false;
     }
 
-    fn trace(&mut self, until: u64, most: u64) -> Option<()> {
+    fn trace(&mut self, most: u64) -> Option<()> {
+        if self.processor.entered_again {
+            return None;
+        }
+        let until = self.processor.limit;
         let (start, before) = (self.processor.registers, self.code.counts());
         let (began, instructions) = (self.processor.now, self.instructions);
         let head = start.r[PC];
@@ -165,6 +193,9 @@ impl<'a, B: Bus> Interpreter<'a, B> {
             self.run_one();
             if self.instructions == done || self.processor.now >= until || done - instructions > LONGEST_TURN
             {
+                return None;
+            }
+            if self.processor.entered_again {
                 return None;
             }
             trace.follow(instruction?, &registers, self.processor.loaded)?;

@@ -1,11 +1,11 @@
 //! Execution of an instruction.
 
 use super::alu::{add, shift};
-use super::bus::{Bus, Loaded};
+use super::bus::{Bus, Loaded, Stored};
 use super::code::Code;
 use super::decode::{ALWAYS, Datum, Flags, Instruction, Operand, Operation, Place};
 use super::registers::{C, IT, LR, N, PC, Registers, V, Z, it_of, passes};
-use super::turns::Turns;
+use super::turns::{Branch, Turn, Turns};
 
 /// Branches to here and above are returns from exceptions.
 const EXCEPTION_RETURN: u32 = 0xf000_0000;
@@ -22,6 +22,23 @@ pub(super) struct Processor<'a, B> {
     pub(super) loaded: Option<(u64, Loaded)>,
     /// True if a counter was read since the last turn that was traced.
     pub(super) counted: bool,
+    /// The time before which instructions have to begin.
+    pub(super) limit: u64,
+    /// The link register with which the handler was entered, if all of it was executed here.
+    entered_with: Option<u32>,
+    /// True if a handler was left and entered again.
+    pub(super) entered_again: bool,
+    /// Instruction that was refused last, if it is one after which more is known.
+    pub(super) refused: Option<HandBack>,
+}
+
+/// Instruction that is for QEMU, and after which the interpreter may come further.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum HandBack {
+    /// The return from a handler that will be entered again.
+    Return,
+    /// A write of BASEPRI.
+    BasePriority(u32),
 }
 
 /// Outcome of an instruction.
@@ -29,6 +46,8 @@ pub(super) enum Step {
     /// The next one follows.
     Next,
     Jump(u32),
+    /// The return from a handler that is entered again: its address, and the link register.
+    Again(u32, u32),
 }
 
 /// Registers that follow one another in memory.
@@ -40,7 +59,13 @@ struct Words {
 }
 
 impl<'a, B: Bus> Processor<'a, B> {
-    pub(super) fn new(registers: Registers, now: u64, instruction_ns: u64, bus: &'a mut B) -> Self {
+    pub(super) fn new(
+        registers: Registers,
+        now: u64,
+        instruction_ns: u64,
+        entered_with: Option<u32>,
+        bus: &'a mut B,
+    ) -> Self {
         Self {
             registers,
             now,
@@ -49,7 +74,23 @@ impl<'a, B: Bus> Processor<'a, B> {
             turns: Turns::default(),
             loaded: None,
             counted: false,
+            limit: u64::MAX,
+            entered_with,
+            entered_again: false,
+            refused: None,
         }
+    }
+
+    /// A branch backwards, after so many instructions: gives the turn that ends there, if it repeats.
+    pub(super) fn branch(&mut self, instructions: u64) -> Option<Turn> {
+        let (registers, now) = (&self.registers, self.now);
+        let is_as_kept = || self.bus.is_as_kept();
+        match self.turns.branch(registers, now, instructions, is_as_kept) {
+            Branch::Repeats(turn) => return Some(turn),
+            Branch::Earlier => self.bus.keep(),
+            Branch::Other => {}
+        }
+        None
     }
 
     /// A halfword of code.
@@ -117,9 +158,34 @@ impl<'a, B: Bus> Processor<'a, B> {
         self.registers.r[usize::from(register & 15)] = value;
     }
 
-    /// A branch to an address with its Thumb bit.
-    fn jump(&self, to: u32) -> Option<Step> {
-        (to & 1 == 1 && to < EXCEPTION_RETURN).then_some(Step::Jump(to & !1))
+    /// A branch to an address with its Thumb bit, or to the value that returns from an exception.
+    fn jump(&mut self, to: u32) -> Option<Step> {
+        if to < EXCEPTION_RETURN {
+            return (to & 1 == 1).then_some(Step::Jump(to & !1));
+        }
+        let exception = self.registers.exception();
+        if exception == 0 || self.registers.xpsr & IT != 0 {
+            return None;
+        }
+        let handler = self.bus.enters_again(exception)?;
+        if self.entered_with == Some(to) {
+            Some(Step::Again(handler, to))
+        } else {
+            self.refused = Some(HandBack::Return);
+            None
+        }
+    }
+
+    /// A write of BASEPRI. Handlers may always write it.
+    fn set_base_priority(&mut self, value: u32) -> Option<()> {
+        if self.registers.exception() == 0 {
+            return None;
+        }
+        let keeps = self.bus.keeps_base_priority(value);
+        if !keeps {
+            self.refused = Some(HandBack::BasePriority(value));
+        }
+        keeps.then_some(())
     }
 
     #[inline(always)]
@@ -150,7 +216,11 @@ impl<'a, B: Bus> Processor<'a, B> {
                 return Some(Step::Jump(to));
             }
             Instruction::BranchTo { register, link } => {
-                let step = self.jump(self.get(register))?;
+                let to = self.get(register);
+                if link && to >= EXCEPTION_RETURN {
+                    return None;
+                }
+                let step = self.jump(to)?;
                 if link {
                     self.registers.r[LR] = next | 1;
                 }
@@ -188,6 +258,25 @@ impl<'a, B: Bus> Processor<'a, B> {
                     write_back,
                 };
                 return self.several(store, words, code);
+            }
+            Instruction::BranchByTable {
+                table,
+                index,
+                halves,
+                from,
+            } => {
+                let start = if usize::from(table) == PC {
+                    from
+                } else {
+                    self.get(table)
+                };
+                let (shift, bytes) = if halves { (1, 2) } else { (0, 1) };
+                let place = start.wrapping_add(self.get(index) << shift);
+                let distance = self
+                    .bus
+                    .is_memory(place & !3)
+                    .then(|| self.load(place, bytes))??;
+                return Some(Step::Jump(from.wrapping_add(2 * distance)));
             }
             Instruction::Extend {
                 to,
@@ -227,6 +316,7 @@ impl<'a, B: Bus> Processor<'a, B> {
                 self.set(to, self.get(to) & 0xffff | number << 16);
             }
             Instruction::LeadingZeros { to, from } => self.set(to, self.get(from).leading_zeros()),
+            Instruction::SetBasePriority(from) => self.set_base_priority(self.get(from))?,
             ref other => self.product(other, outside)?,
         }
         Some(Step::Next)
@@ -370,14 +460,36 @@ impl<'a, B: Bus> Processor<'a, B> {
     fn accepts(&self, address: u32, bytes: u32, code: &Code) -> Option<()> {
         // A store over an instruction that is known is for QEMU.
         let is_code = code.holds_near(address);
-        (!is_code && address & (bytes - 1) == 0 && self.bus.accepts(address, bytes)).then_some(())
+        let now = self.now + self.instruction_ns;
+        (!is_code && address & (bytes - 1) == 0 && self.bus.accepts(address, bytes, now)).then_some(())
     }
 
     fn store(&mut self, address: u32, bytes: u32, value: u32) {
         let now = self.now + self.instruction_ns;
-        if self.bus.store(address, bytes, value, now) {
+        let stored = self.bus.store(address, bytes, value, now);
+        self.note_stored(stored);
+    }
+
+    fn note_stored(&mut self, stored: Stored) {
+        if stored.changed {
             self.turns.changed_memory();
         }
+        self.turns.read(stored.holds_until);
+        self.limit = self.limit.min(stored.limit);
+    }
+
+    /// Stores one item, or writes one register.
+    #[inline(always)]
+    fn store_one(&mut self, address: u32, bytes: u32, value: u32, code: &Code) -> Option<()> {
+        if self.accepts(address, bytes, code).is_some() {
+            self.store(address, bytes, value);
+            return Some(());
+        }
+        let now = self.now + self.instruction_ns;
+        let exception = self.registers.exception();
+        let stored = self.bus.write_register((address, bytes), value, now, exception)?;
+        self.note_stored(stored);
+        Some(())
     }
 
     #[inline(always)]
@@ -385,8 +497,7 @@ impl<'a, B: Bus> Processor<'a, B> {
         let (address, base) = self.address(place);
         let Datum { bytes, signed, store } = datum;
         if store {
-            self.accepts(address, bytes, code)?;
-            self.store(address, bytes, self.get(register));
+            self.store_one(address, bytes, self.get(register), code)?;
             if let Some((base, value)) = base {
                 self.set(base, value);
             }

@@ -10,6 +10,8 @@ pub(super) const C: u32 = 1 << 29;
 pub(super) const V: u32 = 1 << 28;
 /// IT\[1:0\] and IT\[7:2\].
 pub(super) const IT: u32 = 0x0600_fc00;
+/// The number of the exception.
+const EXCEPTION: u32 = 0x1ff;
 
 /// The processor's registers and flags.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -18,6 +20,13 @@ pub(crate) struct Registers {
     pub(crate) r: [u32; 16],
     /// xPSR: the flags, Q, GE, the state of an IT block, the exception.
     pub(crate) xpsr: u32,
+}
+
+impl Registers {
+    /// The exception that the processor handles. 0 is none.
+    pub(crate) fn exception(&self) -> u32 {
+        self.xpsr & EXCEPTION
+    }
 }
 
 /// The state of an IT block.

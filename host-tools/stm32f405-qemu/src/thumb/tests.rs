@@ -1,6 +1,6 @@
 //! Loops made at random, executed turn by turn and with turns that are counted at once.
 
-use super::{Bus, Interpreter, Loaded, Registers};
+use super::{Bus, HandBack, Interpreter, Loaded, Registers, Stored};
 use crate::ramp::Ramp;
 
 /// Addresses of counters: one goes up over 32 bits, one down over 24, one up over 16.
@@ -46,12 +46,18 @@ impl Bus for Machine {
         false
     }
 
-    fn accepts(&self, _address: u32, _bytes: u32) -> bool {
+    fn accepts(&self, _address: u32, _bytes: u32, _now: u64) -> bool {
         false
     }
 
-    fn store(&mut self, _address: u32, _bytes: u32, _value: u32, _now: u64) -> bool {
-        false
+    fn store(&mut self, _address: u32, _bytes: u32, _value: u32, _now: u64) -> Stored {
+        Stored::QUIETLY
+    }
+
+    fn keep(&mut self) {}
+
+    fn is_as_kept(&self) -> bool {
+        true
     }
 }
 
@@ -184,7 +190,7 @@ fn counted_turns_leave_the_registers_and_times_of_executed_ones() {
                 began,
                 tells_ramps,
             };
-            let mut interpreter = Interpreter::new(registers, 0, 8, &mut machine);
+            let mut interpreter = Interpreter::new(registers, 0, 8, None, &mut machine);
             let steps = interpreter.run(until, 1 << 20);
             let counts: Vec<_> = interpreter.executed().collect();
             let state = (
@@ -200,4 +206,109 @@ fn counted_turns_leave_the_registers_and_times_of_executed_ones() {
         stepped += quick.0;
     }
     assert!(stepped < executed * 3 / 4, "{stepped} of {executed} one by one");
+}
+
+/// A handler at 0 that exchanges two words, and whose interrupt stays up.
+struct Storm {
+    words: [u32; 2],
+    kept: Option<[u32; 2]>,
+    keeps: bool,
+}
+
+impl Storm {
+    const WORDS: u32 = 0x2000_0000;
+    /// LDR R0, \[R1\]; LDR R2, \[R1, #4\]; STR R0, \[R1, #4\]; STR R2, \[R1\]; BX LR.
+    const HANDLER: [u16; 5] = [0x6808, 0x684a, 0x6048, 0x600a, 0x4770];
+    const LINK: u32 = 0xffff_fff9;
+
+    fn new(keeps: bool) -> Self {
+        Self {
+            words: [7, 9],
+            kept: None,
+            keeps,
+        }
+    }
+
+    /// At the entry to the handler of line 37.
+    fn registers() -> Registers {
+        let mut registers = Registers {
+            xpsr: 16 + 37,
+            ..Registers::default()
+        };
+        (registers.r[1], registers.r[14]) = (Self::WORDS, Self::LINK);
+        registers
+    }
+}
+
+impl Bus for Storm {
+    fn fetch(&mut self, address: u32) -> Option<u16> {
+        Self::HANDLER.get(address as usize / 2).copied()
+    }
+
+    fn load(&mut self, address: u32, _bytes: u32, _now: u64) -> Option<Loaded> {
+        Some(Loaded {
+            value: self.words[(address - Self::WORDS) as usize / 4],
+            holds_until: u64::MAX,
+            ramp: None,
+        })
+    }
+
+    fn is_memory(&self, _address: u32) -> bool {
+        true
+    }
+
+    fn accepts(&self, _address: u32, _bytes: u32, _now: u64) -> bool {
+        true
+    }
+
+    fn store(&mut self, address: u32, _bytes: u32, value: u32, _now: u64) -> Stored {
+        self.words[(address - Self::WORDS) as usize / 4] = value;
+        Stored::QUIETLY
+    }
+
+    fn keep(&mut self) {
+        self.kept = Some(self.words).filter(|_| self.keeps);
+    }
+
+    fn is_as_kept(&self) -> bool {
+        self.kept == Some(self.words)
+    }
+
+    fn enters_again(&self, exception: u32) -> Option<u32> {
+        (exception == 16 + 37).then_some(0)
+    }
+}
+
+#[test]
+fn a_handler_that_is_entered_again_is_followed_from_its_entry_and_its_turns_are_counted() {
+    for until in [1_000, 100_001, 100_047] {
+        let [slow, quick] = [false, true].map(|keeps| {
+            let mut storm = Storm::new(keeps);
+            let mut interpreter = Interpreter::new(Storm::registers(), 0, 8, Some(Storm::LINK), &mut storm);
+            let steps = interpreter.run(until, 1 << 20);
+            assert!(!interpreter.endless, "an interrupt stays up");
+            let counts: Vec<_> = interpreter.executed().collect();
+            let state = (
+                interpreter.registers(),
+                interpreter.now(),
+                interpreter.instructions,
+            );
+            (steps, (state, counts, storm.words))
+        });
+        assert_eq!(slow.1, quick.1);
+        assert_eq!(slow.0, until.div_ceil(8));
+        assert!(quick.0 < 100, "{} one by one", quick.0);
+    }
+}
+
+#[test]
+fn a_handler_of_which_the_entry_is_not_known_is_left_to_the_processor() {
+    for entered_with in [None, Some(0xffff_fff1)] {
+        let mut storm = Storm::new(true);
+        let mut interpreter = Interpreter::new(Storm::registers(), 0, 8, entered_with, &mut storm);
+        interpreter.run(1_000, 1 << 20);
+        assert_eq!(interpreter.instructions, 4);
+        assert_eq!(interpreter.hands_back, Some(HandBack::Return));
+        assert_eq!(interpreter.registers().r[15], 8);
+    }
 }

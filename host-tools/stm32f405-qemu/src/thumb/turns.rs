@@ -3,8 +3,8 @@
 //! # Design
 //!
 //! At a branch backwards the registers are compared with those at an earlier one (Brent 1980: it moves on
-//! after 1, 2, 4, ... branches). If they are equal, if no store between the two has changed memory, and if
-//! what was read keeps its value, then the same turn follows again and again.
+//! after 1, 2, 4, ... branches). If they are equal, if memory and the registers that were written are too,
+//! and if what was read keeps its value, then the same turn follows again and again.
 
 use super::registers::Registers;
 
@@ -29,6 +29,16 @@ pub(super) struct Turn {
     pub(super) holds_until: u64,
 }
 
+/// A branch backwards, by what came before it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Branch {
+    /// The end of a turn that repeats.
+    Repeats(Turn),
+    /// The branch that later ones are compared with.
+    Earlier,
+    Other,
+}
+
 impl Turns {
     pub(super) fn read(&mut self, holds_until: u64) {
         self.holds_until = self.holds_until.min(holds_until);
@@ -38,13 +48,25 @@ impl Turns {
         self.changed_memory = true;
     }
 
-    /// A branch backwards, at this time and after so many instructions.
-    pub(super) fn branch(&mut self, registers: &Registers, now: u64, instructions: u64) -> Option<Turn> {
+    /// A branch backwards, at this time and after so many instructions. `is_as_kept` says if memory is as at
+    /// the earlier one.
+    pub(super) fn branch(
+        &mut self,
+        registers: &Registers,
+        now: u64,
+        instructions: u64,
+        is_as_kept: impl FnOnce() -> bool,
+    ) -> Branch {
         self.branches += 1;
         let over = now >= self.holds_until;
-        if self.next_earlier > 0 && !self.changed_memory && !over && *registers == self.earlier {
+        if self.next_earlier > 0
+            && !self.changed_memory
+            && !over
+            && *registers == self.earlier
+            && is_as_kept()
+        {
             let (at, before) = self.began;
-            return Some(Turn {
+            return Branch::Repeats(Turn {
                 ns: now - at,
                 instructions: instructions - before,
                 holds_until: self.holds_until,
@@ -57,8 +79,9 @@ impl Turns {
             self.began = (now, instructions);
             self.holds_until = u64::MAX;
             self.changed_memory = false;
+            return Branch::Earlier;
         }
-        None
+        Branch::Other
     }
 
     /// The turns that repeat were counted: what follows is looked at anew.

@@ -23,8 +23,15 @@ pub(super) fn image(name: &str) -> PathBuf {
         let workspace = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../..");
         let target = "thumbv7em-none-eabihf";
         // The others would miss the vectors that embassy's device brings.
-        let embassy =
-            ["default-time-driver", "ports", "converters", "clocks", "buses"].map(|name| ["--bin", name]);
+        let embassy = [
+            "default-time-driver",
+            "ports",
+            "converters",
+            "clocks",
+            "buses",
+            "storms",
+        ];
+        let embassy = embassy.map(|name| ["--bin", name]);
         let embassy = [&["--features", "embassy"], embassy.as_flattened()].concat();
         for what in [&["--bins"][..], &embassy] {
             let mut cargo = Command::new(env!("CARGO"));
@@ -971,4 +978,70 @@ fn an_interrupt_is_an_event_that_ends_the_next_wfe_too() {
         ticks.collect::<Vec<_>>(),
         ["1 ticks", "1 ticks", "2 ticks", "2 ticks"]
     );
+}
+
+/// The run of `storms`, in one of its ways and for so many milliseconds.
+fn storming(way: u32, ticks: u32) -> Run {
+    let mut run = Run::new(image("storms"));
+    for (address, word) in [(0x1000_0000, way), (0x1000_0004, ticks)] {
+        let bytes = word.to_le_bytes().to_vec();
+        run.pokes.push(Poke {
+            at_ns: 0,
+            address,
+            bytes,
+        });
+    }
+    run
+}
+
+#[test]
+fn a_handler_whose_interrupt_stays_up_does_the_same_in_the_interpreter_as_in_qemu() {
+    for way in 0..9 {
+        let [short, long] = [true, false].map(|shorten| {
+            let mut run = storming(way, 4);
+            run.shorten_waits = shorten;
+            run.sampling_deadline_ns = 20_000_000;
+            let outcome = result(&run).unwrap();
+            let ends = (outcome.end, outcome.virtual_ns, outcome.stopped_at);
+            (outcome.log, outcome.instructions, outcome.interrupts, ends)
+        });
+        assert_eq!(short.0.len(), 1, "way {way}: {short:?}");
+        assert_eq!(short, long, "way {way}");
+    }
+}
+
+#[test]
+fn a_handler_whose_interrupt_stays_up_is_shortened_and_goes_on_for_ever() {
+    /// Registers that the handlers read and write in a millisecond, at least.
+    const ACCESSES: u64 = 5000;
+    // It reads; it sets up a DMA stream, also with the stream's interrupt pending; a line rises now and then;
+    // what it adds up never repeats.
+    for way in [0, 1, 2, 3, 5] {
+        let mut live = storming(way, 0).start().unwrap();
+        let passed = live.advance(20_000_000, Inputs::default()).unwrap();
+        assert!(
+            passed.work.calls < 20 * ACCESSES / 4,
+            "way {way}: {}",
+            passed.work.calls
+        );
+        let outcome = live.finish().unwrap();
+        assert_eq!(outcome.end, RunEnd::Over, "way {way}");
+    }
+}
+
+#[test]
+fn a_record_that_comes_in_pieces_is_whole_though_it_holds_the_end_of_a_line() {
+    // Of way 10, so a byte of it is that of a new line.
+    let whole = waited(10, 2, |_| {}).log;
+    let mut live = waiting(10, 2, false).start().unwrap();
+    let (mut now, mut log, mut ended) = (0, Vec::new(), false);
+    while !ended {
+        now += 400;
+        let passed = live.advance(now, Inputs::default()).unwrap();
+        log.extend(passed.log);
+        ended = passed.ended;
+    }
+    log.extend(live.finish().unwrap().log);
+    assert_eq!(whole.len(), 2);
+    assert_eq!(log, whole);
 }

@@ -467,3 +467,122 @@ fn the_time_of_each_clock_adds_up_to_the_run() {
     let expected = [(16_000_000, 500_000), (168_000_000, 1_000_000)];
     assert_eq!(bench.outcome().hclk_ns, expected);
 }
+
+/// Writes that firmware makes to set streams up anew, at random.
+#[test]
+fn steady_writes_to_a_dma_controller_do_what_others_do_and_are_refused_where_they_do_more() {
+    const DMA2_STREAM2: u32 = stream(DMA2, 2);
+    // LIFCR, and CR with and without EN and TCIE, NDTR, PAR, M0AR, FCR.
+    let mut choices = vec![(DMA2 + 0x08, 0x3d << 16)];
+    for enables in [0, 1, 1 << 4, 1 << 4 | 1] {
+        choices.push((DMA2_STREAM2, 4 << 25 | 1 << 10 | enables));
+    }
+    choices.extend(
+        [
+            (0x04, 100),
+            (0x04, 7),
+            (0x08, USART1 + 4),
+            (0x0c, SRAM),
+            (0x14, 0x21),
+        ]
+        .map(|(at, value)| (DMA2_STREAM2 + at, value)),
+    );
+    let [mut steady, mut plain] = [(); 2].map(|()| MachineBench::new(Vec::new()));
+    let (mut random, mut accepted, mut came_back) = (1u32, 0, 0);
+    for n in 0..2000 {
+        random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        let (address, value) = choices[(random >> 16) as usize % choices.len()];
+        let now = steady.board.now + 8;
+        (steady.board.now, plain.board.now) = (now, now);
+        let lines = steady.board.lines.clone();
+        steady.machine.begin_steady_reads();
+        steady.machine.keep_registers();
+        let before = registers(&mut steady);
+        let may_rise = n % 2 == 0;
+        let written = steady
+            .machine
+            .write_steady(address, value, now, &mut steady.board, |_| may_rise);
+        if written.is_some() {
+            accepted += 1;
+            assert!(may_rise || steady.board.lines.is_subset(&lines));
+            let changed = steady.board.lines != lines || registers(&mut steady) != before;
+            // Something that no register shows may differ.
+            assert!(!(changed && steady.machine.are_registers_as_kept()));
+            came_back += u32::from(steady.machine.are_registers_as_kept());
+        } else {
+            assert_eq!(steady.board.lines, lines);
+            steady.write(address, value);
+        }
+        plain.write(address, value);
+        assert_eq!(registers(&mut steady), registers(&mut plain));
+        assert_eq!(steady.board.lines, plain.board.lines);
+        assert_eq!(steady.outcome().unmodelled, plain.outcome().unmodelled);
+    }
+    assert!(accepted > 1000 && came_back > 100, "{accepted}, {came_back}");
+}
+
+/// The status of a DMA controller and the registers of its stream 2.
+fn registers(bench: &mut MachineBench) -> Vec<u32> {
+    let status = [DMA2, DMA2 + 4];
+    let stream = (0..6).map(|n| stream(DMA2, 2) + 4 * n);
+    status
+        .into_iter()
+        .chain(stream)
+        .map(|at| bench.read(at))
+        .collect()
+}
+
+#[test]
+fn a_steady_write_moves_no_data() {
+    let steady = |bench: &mut MachineBench, address, value| {
+        bench.machine.begin_steady_reads();
+        let (now, board) = (bench.board.now, &mut bench.board);
+        bench.machine.write_steady(address, value, now, board, |_| true)
+    };
+    let mut bench = MachineBench::new(Vec::new());
+    bench.start_usart(USART1, 0);
+    bench.set(STREAM7, [(0x08, USART1 + 4), (0x0c, SRAM), (0x04, 3)]);
+    // Nothing asks for data yet.
+    assert!(steady(&mut bench, STREAM7, TO_USART | 1).is_some());
+    assert!(steady(&mut bench, STREAM7, TO_USART).is_some());
+    bench.write(USART1 + 0x14, 1 << 7);
+    assert_eq!(steady(&mut bench, STREAM7, TO_USART | 1), None);
+    assert_eq!(bench.read(STREAM7) & 1, 0);
+    // A copy between memories needs no request.
+    let copies = 0b10 << 6 | 1 << 10 | 1 << 9;
+    bench.set(STREAM0, [(0x08, SRAM), (0x0c, SRAM + 64), (0x04, 8)]);
+    assert_eq!(steady(&mut bench, STREAM0, copies | 1), None);
+    assert_eq!(bench.read(DMA2) & 1 << 5, 0, "TCIF");
+    // Another peripheral.
+    assert_eq!(steady(&mut bench, TIM2 + 0x24, 0), None);
+}
+
+/// External clock mode 1 with an internal trigger (sections 18.3.15 and 18.4.3): one timer is the prescaler
+/// of another.
+#[test]
+fn a_timer_counts_the_trigger_output_of_another_and_interrupts_at_its_own_update() {
+    const TIM2_LINE: usize = 28;
+    let mut bench = MachineBench::new(Vec::new());
+    // ITR2 is TIM3. Every second trigger is counted, up to 4.
+    bench.set(
+        TIM2,
+        [(0x08, 0b010 << 4 | 0b111), (0x28, 1), (0x2c, 4), (0x14, 1)],
+    );
+    bench.set(TIM2, [(0x10, 0), (0x0c, 1), (0x00, 1)]);
+    bench.start_tim3();
+    bench.pass(75_000);
+    assert_eq!(bench.read(TIM2 + 0x24), 3, "after seven triggers, one each 10 us");
+    assert_eq!(bench.read(TIM2 + 0x10), 1 << 6, "TIF");
+    bench.run(350_000, |bench| {
+        if bench.has_line(TIM2_LINE) {
+            bench.write(TIM2 + 0x10, 0);
+        }
+    });
+    assert_eq!(bench.board.rises[&TIM2_LINE], [100_000, 200_000, 300_000]);
+    // Without CEN the triggers pass.
+    bench.write(TIM2, 0);
+    let before = bench.read(TIM2 + 0x24);
+    bench.pass(450_000);
+    assert_eq!(bench.read(TIM2 + 0x24), before);
+    assert_eq!(bench.outcome().unmodelled, [""; 0]);
+}

@@ -1,0 +1,59 @@
+//! The order in which the processor takes exceptions, as its interrupt controller has it.
+
+use super::qemu::Qemu;
+
+const ICSR: u32 = 0xe000_ed04;
+const AIRCR: u32 = 0xe000_ed0c;
+/// Enabled and pending lines, a bit for each.
+const NVIC_ISER: u32 = 0xe000_e100;
+const NVIC_ISPR: u32 = 0xe000_e200;
+/// Priorities, a byte for each line, and for each of the exceptions from 4 on.
+const NVIC_IPR: u32 = 0xe000_e400;
+const SHPR: u32 = 0xe000_ed18;
+/// The first exception that has a priority of its own, and the first of the lines (ARMv7-M ARM, B1.5.2).
+const FIRST: u32 = 4;
+pub(super) const FIRST_LINE: u32 = 16;
+
+/// The exception that is enabled and pending, and comes before all others that are. 0 is none.
+pub(super) fn pending(qemu: &Qemu) -> u32 {
+    (qemu.read_nvic(ICSR, 4) >> 12) as u32 & 0x1ff
+}
+
+/// Returns `true` if an exception may interrupt the handler of another, whatever else masks it. 0 is no
+/// handler.
+pub(super) fn may_preempt(exception: u32, handled: u32, qemu: &Qemu) -> bool {
+    if handled < FIRST || exception < FIRST {
+        return true;
+    }
+    let below = (qemu.read_nvic(AIRCR, 4) >> 8 & 7) + 1;
+    let [group, of_handled] = [exception, handled].map(|n| priority(n, qemu) >> below);
+    group < of_handled
+}
+
+/// Returns `true` if a line comes before what is pending, though that may be nothing.
+pub(super) fn comes_first(exception: u32, qemu: &Qemu) -> bool {
+    let other = pending(qemu);
+    let order = |n: u32| (priority(n, qemu), n);
+    other == 0 || (other >= FIRST && order(exception) < order(other))
+}
+
+pub(super) fn is_enabled(line: usize, qemu: &Qemu) -> bool {
+    is_set(NVIC_ISER, line, qemu)
+}
+
+pub(super) fn is_pending(line: usize, qemu: &Qemu) -> bool {
+    is_set(NVIC_ISPR, line, qemu)
+}
+
+fn is_set(registers: u32, line: usize, qemu: &Qemu) -> bool {
+    qemu.read_nvic(registers + line as u32 / 32 * 4, 4) >> (line % 32) & 1 == 1
+}
+
+/// The lower, the sooner it comes.
+fn priority(exception: u32, qemu: &Qemu) -> u64 {
+    let address = match exception.checked_sub(FIRST_LINE) {
+        Some(line) => NVIC_IPR + line,
+        None => SHPR + exception - FIRST,
+    };
+    qemu.read_nvic(address, 1)
+}
