@@ -26,8 +26,8 @@ pub(crate) const CASES: &str =
     "--profile firmware --target thumbv7em-none-eabihf -p stm32f405-qemu-cases --tests";
 
 /// Those of the images that use embassy. The others would miss the vectors that its device brings.
-pub(crate) const ON_EMBASSY: &str =
-    "--features embassy --bin default-time-driver --bin ports --bin converters --bin buses --bin clocks";
+pub(crate) const ON_EMBASSY: &str = "--features embassy --bin default-time-driver --bin ports --bin converters \
+                                     --bin buses --bin clocks --bin storms";
 
 #[cfg(test)]
 mod tests {
