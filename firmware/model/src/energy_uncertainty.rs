@@ -258,9 +258,10 @@ mod tests {
     use crate::physics::Bead;
 
     /// Rows of another program, which adds up the squares of one input after the other: the place of the only
-    /// uncertainty that is not 1e-6, and that, or all, in the order of [`described`]; correlations of k with c, k with m, c
-    /// with m; frequency, Hz, energies A and B, nJ, mean square of the quiet, (m/s²)², and noise of the force,
-    /// N; u(A), u(B), u(A - B) of pulses that are 7, 30.5 and 80 samples wide; and the square of the wave form.
+    /// uncertainty that is not 1e-6, and that, or all, in the order of [`described`]; correlations of k with
+    /// c, k with m, c with m; frequency, Hz, energies A and B, nJ, mean square of the quiet, (m/s²)², and
+    /// noise of the force, N; u(A), u(B), u(A - B) of pulses that are 7, 30.5 and 80 samples wide; and the
+    /// square of the wave form.
     const ROWS: &str = "\
 0 0.25 | 0 0 0 | 1644 1200 900 0 0.02 | 0.00023 0.40089 0.40089 0.00023 0.44254 0.44254 0.00023 0.47568 0.47568 | 0.01794919
 1 0.25 | 0 0 0 | 1707.55 800 900 0.5 0 | 0.00181 0.40227 0.40227 0.00181 0.44859 0.44860 0.00181 0.47295 0.47296 | 0.003679657
