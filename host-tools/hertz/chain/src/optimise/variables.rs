@@ -17,6 +17,8 @@ pub(super) struct Variables {
     each: f64,
     /// Entry and property of each variable.
     free: Vec<(usize, usize)>,
+    /// Least and greatest radius, m, of the beads whose sizes vary.
+    radius: [f64; 2],
     /// Least and greatest value of each variable.
     pub(super) bounds: Vec<(f64, f64)>,
 }
@@ -50,6 +52,7 @@ impl Variables {
             entries,
             each,
             free,
+            radius: search.sizes.as_ref().map_or([0.0; 2], |sizes| sizes.radius),
             bounds: limits,
         }
     }
@@ -80,7 +83,11 @@ impl Variables {
         let entries = design.into_iter().zip(&self.entries);
         Design {
             intruders: entries.map(|(entry, bounds)| bounds.tied(entry)).collect(),
-            radii: x[self.free.len()..].iter().map(|x| x.exp()).collect(),
+            // The exponential of a logarithm may miss its bound by a bit.
+            radii: x[self.free.len()..]
+                .iter()
+                .map(|x| x.exp().clamp(self.radius[0], self.radius[1]))
+                .collect(),
         }
     }
 

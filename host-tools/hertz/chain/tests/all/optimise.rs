@@ -140,6 +140,12 @@ fn sizes_that_may_vary_help_and_no_other_size_near_is_better() {
     let found = optimise(&strike, &search, None).unwrap();
     println!("{} of {}: {:?}", found.share, fixed.share, found.radii);
     assert!(found.settled && found.share < fixed.share - 0.02);
+    assert!(
+        found
+            .radii
+            .iter()
+            .all(|one| (0.012..=0.022).contains(&one.radius))
+    );
     // Their other values stay those of the sections.
     let scenario = found.scenario(&strike);
     let of = |bead: usize| {
