@@ -28,7 +28,7 @@ impl RegionEnergies {
     /// Energy of beads, contacts and intruders, and the energy that the intruders have dissipated, J. It
     /// grows by the energy that passes the first bead's contact less that which passes the contact after the
     /// last bead ([`Solution::flow`](crate::Solution::flow)), and falls by the energy that the contacts
-    /// dissipate.
+    /// and a ground that drags dissipate.
     pub fn total(&self) -> f64 {
         self.mechanical() + self.intruder_dissipated
     }

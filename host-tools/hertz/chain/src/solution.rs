@@ -252,7 +252,7 @@ impl<'a> Snapshot<'a> {
     }
 
     /// Momentum of all bodies and intruders, kg·m/s. Its sum with [`Snapshot::wall_impulse`] is constant over
-    /// a run.
+    /// a run without a drive, on a ground that does not drag.
     pub fn momentum(&self) -> f64 {
         self.model.momentum(&self.state)
     }
@@ -265,11 +265,15 @@ impl<'a> Snapshot<'a> {
     }
 
     /// Impulse of a contact beyond that of its static load since t = 0, ∫ (F - F₀) dt, N·s: the momentum that
-    /// the bodies behind it and the wall have gained.
+    /// the bodies behind it, the wall and a ground that drags have gained.
     pub fn impulse(&self, contact: usize) -> f64 {
         let starts = self.model.starts.iter().enumerate().skip(contact);
         let before: f64 = starts.map(|(body, start)| self.model.mass(body) * start.1).sum();
-        self.model.momentum_from(&self.state, contact) + self.wall_impulse() - before
+        // ∫ M V/τ dt is M/τ times the way.
+        let dragged = (contact..self.model.bodies())
+            .map(|body| self.model.drag_on(body) * (self.state[body] - self.model.starts[body].0));
+        let ground: f64 = dragged.sum();
+        self.model.momentum_from(&self.state, contact) + self.wall_impulse() + ground - before
     }
 
     fn known(&self, intruder: usize) {

@@ -192,12 +192,15 @@ impl SearchReport {
                 strike.after,
                 strike.contacts,
             ];
-            row.extend(shares.map(percent));
+            row.extend(shares.into_iter().chain(strike.ground).map(percent));
             row
         });
-        let header =
-            "strike (m/s) | injected (µJ) | remains (%) | before hosts | within | after | lost in contacts";
-        parts.push(output::table(header, strikes));
+        let drags = optimum.strikes.iter().any(|strike| strike.ground.is_some());
+        let header = format!(
+            "strike (m/s) | injected (µJ) | remains (%) | before hosts | within | after | lost in contacts{}",
+            if drags { " | on the ground" } else { "" },
+        );
+        parts.push(output::table(&header, strikes));
 
         let objective = optimum.objective;
         if objective != Objective::Remaining {
@@ -377,9 +380,11 @@ fn remarks(optimum: &Optimum) -> Vec<String> {
         );
     }
     let energy = optimum.objective == Objective::Remaining;
-    if energy && optimum.strikes.iter().any(|strike| strike.contacts > 0.01) {
+    let lost = |strike: &Remaining| strike.contacts + strike.ground.unwrap_or(0.0);
+    if energy && optimum.strikes.iter().any(|strike| lost(strike) > 0.01) {
         remarks.push(
-            "Losses in contacts count as remaining, though they reach no bead behind the hosts.".to_owned(),
+            "Losses in contacts and on the ground count as remaining, though they reach no bead behind the hosts."
+                .to_owned(),
         );
     }
     if energy && optimum.strikes.iter().any(|strike| strike.within > 0.01) {

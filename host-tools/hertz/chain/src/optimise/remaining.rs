@@ -8,7 +8,7 @@ use crate::run::Run;
 use crate::scenario::{InputError, Scenario};
 
 /// Energy that a strike leaves at the end of the run. The parts are energies over [`Remaining::injected`];
-/// `before`, `within`, `after` and `contacts` add up to `share`.
+/// `before`, `within`, `after`, `contacts` and `ground` add up to `share`.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 #[non_exhaustive]
 pub struct Remaining {
@@ -31,6 +31,9 @@ pub struct Remaining {
     pub after: f64,
     /// Dissipated in contacts.
     pub contacts: f64,
+    /// Dissipated on the ground; none unless it drags.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub ground: Option<f64>,
     /// Each intruder, in the order of the beads.
     pub intruders: Vec<Absorption>,
 }
@@ -75,6 +78,9 @@ pub fn remaining(scenario: &Scenario, speed: f64, accuracy: Accuracy) -> Result<
         within: part(first, last),
         after: part(last + 1, beads),
         contacts: energies.dissipated_contacts / injected,
+        ground: model
+            .is_dragged()
+            .then_some(energies.dissipated_ground / injected),
         intruders: Absorption::all(&end),
     })
 }

@@ -1,7 +1,7 @@
 //! Chains on a ground that drags: -M V/τ on each bead.
 
 use crate::common::{close, elastic, run};
-use hertz_chain::{Accuracy, EnsembleOptions, Intruder, Oscillator, Start, ensemble, simulate};
+use hertz_chain::{Accuracy, EnsembleOptions, Intruder, Oscillator, Start, ensemble, remaining, simulate};
 
 /// V = V₀ exp(-t/τ), and what the bead has lost is on the ground.
 #[test]
@@ -47,6 +47,13 @@ fn energies_of_a_struck_chain_add_up_and_an_ensemble_gives_the_same() {
         .unwrap();
     let absorbed = summary.energy.dissipated_intruders;
     close(outcome.absorbed(), absorbed, 1e-6 * absorbed);
+    let left = remaining(&scenario, 0.45, Accuracy::REFERENCE).unwrap();
+    let parts = left.before + left.within + left.after + left.contacts + left.ground.unwrap();
+    close(parts, left.share, 1e-12);
+    // The integral of the force, and the momentum that it has given to beads and ground.
+    let solution = simulate(&scenario).unwrap();
+    let impulse = solution.flow(4).between(0.0, 4e-3).impulse;
+    close(solution.at(4e-3).impulse(4), impulse, 1e-10 * impulse);
     scenario.chain.drag_time = None;
     let free = hertz_chain::summarise(&scenario, &hertz_chain::Options::with(Accuracy::DRAFT)).unwrap();
     assert!(free.energy.dissipated_ground.is_none() && free.energy.dissipated_intruders > absorbed);
