@@ -219,7 +219,7 @@ impl Machine {
         })
     }
 
-    /// Plays what has happened up to `now`, and gives whether that is anything.
+    /// Plays the events up to `now`. Returns `true` if there were any.
     fn play_steadily(&mut self, now: u64, board: &mut impl Exterior) -> bool {
         let happened = now >= self.quiet.until;
         if happened {
@@ -270,7 +270,8 @@ impl Machine {
         })
     }
 
-    /// Keeps what the registers are that [`Self::write_steady`] writes.
+    /// Keeps the state of the registers that [`Self::write_steady`] writes, for
+    /// [`Self::are_registers_as_kept`].
     pub fn keep_registers(&mut self) {
         self.quiet.kept = [None, None];
     }

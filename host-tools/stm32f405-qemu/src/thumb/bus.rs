@@ -60,7 +60,7 @@ pub(crate) trait Bus {
         None
     }
 
-    /// Keeps what memory and registers are now, for [`Self::is_as_kept`].
+    /// Keeps the present state of memory and registers, for [`Self::is_as_kept`].
     fn keep(&mut self);
 
     /// Returns `true` if memory and registers are as they were at the last [`Self::keep`].
