@@ -5,9 +5,9 @@
 //! Contact j pushes bead j with F and body j - 1 with -F. The passing energy is counted on the near side, as
 //! the work of body j - 1, ∫ F V[j-1] dt. Contact j thus belongs to bead j, as in the paper's E_n (eq. 4),
 //! and the balance closes exactly: the energy that beads a..=b hold and dissipate is the energy that passes
-//! contact a less that which passes contact b + 1, and less what a ground that drags takes from them. A wave on its way back pushes while the beads move
-//! backwards, so its energy is negative. The wall's contact belongs to the last bead, and only momentum
-//! passes through it.
+//! contact a less that which passes contact b + 1, and less what a ground that drags takes from them. A wave
+//! on its way back pushes while the beads move backwards, so its energy is negative. The wall's contact
+//! belongs to the last bead, and only momentum passes through it.
 //!
 //! Contact energies include the work of a static load ([`Contact::energy`](crate::Contact::energy)), so
 //! energy is counted with the part of F beyond the load. The impulse is that of all of F.
