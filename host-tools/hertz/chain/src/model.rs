@@ -442,7 +442,7 @@ impl Model {
             return (-contact.load, 0.0);
         }
         if let Some(powers) = &contact.powers {
-            let viscous = powers.damping_force(overlap, approach);
+            let viscous = powers.damping_force(contact.stiffness, overlap, approach);
             return (contact.elastic_force_beyond(change) + viscous, viscous);
         }
         let stiffness = contact.stiffness * overlap.sqrt();
@@ -492,7 +492,8 @@ impl Model {
             // A bead has a contact on either side, so the stiffness is twice that of one.
             let rate = 2.0 * contact.linear_stiffness() / reduced;
             if let Some(powers) = &contact.powers {
-                let damped = 2.0 * powers.damping_force(contact.static_overlap, 1.0) / reduced;
+                let slope = powers.damping_slope(contact.stiffness, contact.static_overlap);
+                let damped = 2.0 * slope / reduced;
                 return rate.sqrt().max(damped);
             }
             rate.sqrt().max(rate * contact.relaxation)
@@ -814,7 +815,8 @@ impl Model {
         if let Some(powers) = &contact.powers {
             let n = powers.elastic;
             let elastic = n * contact.stiffness * power(overlap, n - 1.0) * approach;
-            return elastic + powers.damping_force_rate(overlap, approach, acceleration);
+            let motion = [overlap, approach, acceleration];
+            return elastic + powers.damping_force_rate(contact.stiffness, motion);
         }
         let root = overlap.sqrt();
         let viscous = contact.relaxation * (0.5 * approach * approach / root + root * acceleration);

@@ -1,7 +1,7 @@
-//! Contacts whose force is another power of the overlap than Hertz', and their damping.
+//! Contacts whose force is another power of the overlap than Hertz', their damping, and friction.
 //!
 //! ```text
-//! F = κ δⁿ + η δᵖ δ'        δ > 0
+//! F = κ δⁿ (1 + f tanh(δ'/v₀)) + η δᵖ δ'        δ > 0
 //! ```
 //!
 //! Hertz' law with a damping of p = 1/2 is the rule ([`Contact`](crate::Contact)), and has a solver of its
@@ -72,7 +72,7 @@ pub(crate) fn power(x: f64, exponent: f64) -> f64 {
     product
 }
 
-/// Powers and damping of a contact that is not Hertz' with p = 1/2. Its functions are kept out of the code
+/// Powers, damping and friction of a contact that is not Hertz' with p = 1/2 and f = 0. Its functions are kept out of the code
 /// for Hertz' contacts, which they would slow down.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct ContactPowers {
@@ -81,26 +81,45 @@ pub(crate) struct ContactPowers {
     /// Exponent p and coefficient η, N·s/m^(p+1), of the damping force.
     pub(crate) damping: f64,
     pub(crate) coefficient: f64,
+    /// Coefficient f of the friction, and v₀, m/s.
+    pub(crate) friction: f64,
+    pub(crate) friction_speed: f64,
 }
 
 impl ContactPowers {
-    /// Damping force at an overlap, m, of a contact that is closed, and its rate, m/s; N.
+    /// Damping force with the friction at an overlap, m, of a contact of stiffness κ, N/mⁿ, that is closed,
+    /// and its rate, m/s; N.
     #[cold]
     #[inline(never)]
-    pub(crate) fn damping_force(&self, overlap: f64, rate: f64) -> f64 {
-        self.coefficient * power(overlap, self.damping) * rate
+    pub(crate) fn damping_force(&self, stiffness: f64, overlap: f64, rate: f64) -> f64 {
+        let damping = self.coefficient * power(overlap, self.damping) * rate;
+        if self.friction == 0.0 {
+            return damping;
+        }
+        let elastic = stiffness * power(overlap, self.elastic);
+        damping + self.friction * elastic * libm::tanh(rate / self.friction_speed)
     }
 
-    /// Its rate, N/s.
+    /// Its slope over the rate, at no rate, N·s/m.
+    pub(crate) fn damping_slope(&self, stiffness: f64, overlap: f64) -> f64 {
+        let elastic = stiffness * power(overlap, self.elastic);
+        self.coefficient * power(overlap, self.damping) + self.friction * elastic / self.friction_speed
+    }
+
+    /// Its rate, N/s, at an overlap, m, its rate, m/s, and its acceleration, m/s².
     #[cold]
     #[inline(never)]
-    pub(crate) fn damping_force_rate(&self, overlap: f64, rate: f64, acceleration: f64) -> f64 {
+    pub(crate) fn damping_force_rate(&self, stiffness: f64, [overlap, rate, acceleration]: [f64; 3]) -> f64 {
+        let part = libm::tanh(rate / self.friction_speed);
+        let growth = self.elastic * power(overlap, self.elastic - 1.0) * rate * part;
+        let turn = power(overlap, self.elastic) * (1.0 - part * part) * acceleration / self.friction_speed;
+        let friction = self.friction * stiffness * (growth + turn);
         let bend = if self.damping == 0.0 {
             0.0
         } else {
             self.damping * power(overlap, self.damping) / overlap * rate * rate
         };
-        self.coefficient * (bend + power(overlap, self.damping) * acceleration)
+        friction + self.coefficient * (bend + power(overlap, self.damping) * acceleration)
     }
 
     /// Elastic force beyond `load`, N, whose overlap is `rest`, m, at a change of the overlap from there:
@@ -191,6 +210,8 @@ mod tests {
                 elastic,
                 damping: 0.5,
                 coefficient: 0.0,
+                friction: 0.0,
+                friction_speed: 1.0,
             };
             for (load, stiffness) in [(0.0, 1e9_f64), (3.0_f64, 1e9)] {
                 let rest = (load / stiffness).powf(1.0 / elastic);

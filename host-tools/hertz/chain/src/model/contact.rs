@@ -15,7 +15,8 @@ pub struct Contact {
     pub load: f64,
     /// Overlap at rest, (F₀/κ)^(2/3), m.
     pub static_overlap: f64,
-    /// Other powers than Hertz' with a damping of the exponent 1/2; κ is then in N/mⁿ, and `relaxation` is 0.
+    /// Other powers than Hertz' with a damping of the exponent 1/2, or friction; κ is then in N/mⁿ, and
+    /// `relaxation` is 0.
     pub(crate) powers: Option<ContactPowers>,
 }
 
@@ -59,7 +60,7 @@ impl Contact {
             Damping::LammpsMaterial => law.coefficient * reduced_mass / curvature.sqrt(),
             Damping::LammpsTsuji => law.coefficient * (reduced_mass * self.stiffness).sqrt(),
         };
-        if n == 1.5 && p == 0.5 {
+        if law.is_usual() {
             self.static_overlap = (self.load / self.stiffness).powf(2.0 / 3.0);
             if law.damping != Damping::Viscoelastic {
                 self.relaxation = coefficient / (1.5 * self.stiffness);
@@ -72,6 +73,8 @@ impl Contact {
             elastic: n,
             damping: p,
             coefficient,
+            friction: law.friction,
+            friction_speed: law.friction_speed,
         });
         self
     }
@@ -93,10 +96,10 @@ impl Contact {
         }
     }
 
-    /// The viscous part of the force, N, at an overlap in m that grows by `rate` in m/s.
+    /// The viscous part of the force, N, with any friction, at an overlap in m that grows by `rate` in m/s.
     pub fn viscous_force(&self, overlap: f64, rate: f64) -> f64 {
         if let Some(powers) = self.powers.as_ref().filter(|_| overlap > 0.0) {
-            return powers.damping_force(overlap, rate);
+            return powers.damping_force(self.stiffness, overlap, rate);
         }
         if overlap > 0.0 {
             1.5 * self.relaxation * self.stiffness * overlap.sqrt() * rate

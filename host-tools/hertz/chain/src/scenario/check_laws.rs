@@ -135,9 +135,19 @@ impl ContactLaw {
             let what = "viscoelastic damping has the relaxation times of the materials".to_owned();
             return Err(at.error("coefficient", what, "leave it out, or give another damping"));
         }
-        let is_usual = self.exponent == 1.5 && self.damping_power() == 0.5;
-        if !is_usual && is_clipped {
-            let what = "only Hertz' contacts with a damping of the exponent 1/2 can be clipped".to_owned();
+        if !(0.0..1.0).contains(&self.friction) {
+            let what = format!("{} is no coefficient of friction", self.friction);
+            return Err(at.error("friction", what, "give a number from 0 on, below 1, such as 0.03"));
+        }
+        at.check(
+            "friction_speed",
+            self.friction_speed,
+            ValueRange::Positive("m/s, such as 1e-3"),
+        )?;
+        if !self.is_usual() && is_clipped {
+            let what = "only Hertz' contacts with a damping of the exponent 1/2, without friction, can be \
+                        clipped"
+                .to_owned();
             return Err(InputError::at("chain.contact_force", what, "leave it out"));
         }
         Ok(())

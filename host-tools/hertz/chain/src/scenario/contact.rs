@@ -4,8 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use super::drive::is_zero;
 
-/// Law of all contacts of a chain, F = κ δⁿ + η δᵖ δ'. Without it, κ is Hertz' of the materials, n is 3/2,
-/// and the damping is that of their relaxation times.
+/// Law of all contacts of a chain, F = κ δⁿ (1 + f tanh(δ'/v₀)) + η δᵖ δ'. Without it, κ is Hertz' of the
+/// materials, n is 3/2, f is 0, and the damping is that of their relaxation times.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[non_exhaustive]
@@ -25,6 +25,14 @@ pub struct ContactLaw {
     /// Exponent p of [`Damping::Power`], from 0 to 8.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub damping_exponent: Option<f64>,
+    /// Coefficient f of a friction in proportion to the elastic force, below 1. It opposes the approach of the
+    /// bodies and their parting alike, as that of surfaces that rub or roll on one another does, at any speed
+    /// well above [`ContactLaw::friction_speed`].
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub friction: f64,
+    /// Rate v₀ of the overlap, m/s, at which the friction is 76 % of its whole, since it is tanh(δ'/v₀) of it.
+    #[serde(default = "slow", skip_serializing_if = "is_slow")]
+    pub friction_speed: f64,
 }
 
 /// Damping of a contact: coefficient η and exponent p of its force η δᵖ δ'.
@@ -55,6 +63,14 @@ fn is_hertz(value: &f64) -> bool {
     *value == 1.5
 }
 
+fn slow() -> f64 {
+    1e-3
+}
+
+fn is_slow(value: &f64) -> bool {
+    *value == slow()
+}
+
 impl Default for ContactLaw {
     fn default() -> Self {
         Self {
@@ -63,6 +79,8 @@ impl Default for ContactLaw {
             damping: Damping::Viscoelastic,
             coefficient: 0.0,
             damping_exponent: None,
+            friction: 0.0,
+            friction_speed: slow(),
         }
     }
 }
@@ -85,6 +103,22 @@ impl ContactLaw {
             coefficient,
             ..self
         }
+    }
+
+    /// This law with a friction of coefficient f, which is tanh(δ'/v₀) of its whole at a rate δ' of the
+    /// overlap; v₀ in m/s.
+    #[must_use]
+    pub fn rubbing(self, friction: f64, friction_speed: f64) -> Self {
+        Self {
+            friction,
+            friction_speed,
+            ..self
+        }
+    }
+
+    /// True if the solver for Hertz' contacts suits the law.
+    pub(crate) fn is_usual(&self) -> bool {
+        self.exponent == 1.5 && self.damping_power() == 0.5 && self.friction == 0.0
     }
 
     /// Exponent p of the damping.

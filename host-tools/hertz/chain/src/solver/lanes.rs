@@ -89,8 +89,8 @@ pub(crate) struct Lanes {
     pub(super) drag: Option<CacheAligned>,
     /// Drive of the first body.
     pub(super) drive: Option<Arc<EndDrive>>,
-    /// Powers of the contacts, if they are not Hertz' with a damping of the exponent 1/2. `viscosity` then
-    /// has the coefficients η.
+    /// Powers of the contacts, if they are not Hertz' with a damping of the exponent 1/2, or rub. `viscosity`
+    /// then has the coefficients η.
     pub(super) powers: Option<ContactPowers>,
     /// Scales of velocities, m/s, and displacements, m.
     pub(super) speed: f64,
@@ -232,7 +232,7 @@ impl Lanes {
             lanes.loaded |= contact.load > 0.0;
             if let Some(powers) = &contact.powers {
                 lanes.viscosity[at] = powers.coefficient;
-                lanes.viscous |= powers.coefficient > 0.0;
+                lanes.viscous |= powers.coefficient > 0.0 || powers.friction > 0.0;
             }
         }
         let acts = lanes.drive.is_some() || lanes.drag.is_some();
@@ -394,8 +394,9 @@ fn push_by_powers<S: Simd<f64s = f64x8>>(
             coefficient: contacts.viscosity[at][lane],
             ..*powers
         };
-        let damping = of_lane.damping_force(rest + changes[lane], rates[lane]);
-        let elastic = of_lane.force_beyond((load, rest), contacts.stiffness[at][lane], changes[lane]);
+        let stiffness = contacts.stiffness[at][lane];
+        let damping = of_lane.damping_force(stiffness, rest + changes[lane], rates[lane]);
+        let elastic = of_lane.force_beyond((load, rest), stiffness, changes[lane]);
         (forces[lane], lost[lane]) = (elastic + damping, damping * rates[lane]);
     }
     (pulp::cast(forces), pulp::cast(lost))
