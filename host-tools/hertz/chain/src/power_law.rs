@@ -72,8 +72,8 @@ pub(crate) fn power(x: f64, exponent: f64) -> f64 {
     product
 }
 
-/// Powers, damping and friction of a contact that is not Hertz' with p = 1/2 and f = 0. Its functions are kept out of the code
-/// for Hertz' contacts, which they would slow down.
+/// Powers, damping and friction of a contact that is not Hertz' with p = 1/2 and f = 0. Its functions are kept
+/// out of the code for Hertz' contacts, which they would slow down.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct ContactPowers {
     /// Exponent n of the elastic force.
@@ -87,8 +87,8 @@ pub(crate) struct ContactPowers {
 }
 
 impl ContactPowers {
-    /// Damping force with the friction at an overlap, m, of a contact of stiffness κ, N/mⁿ, that is closed,
-    /// and its rate, m/s; N.
+    /// Damping force with the friction at an overlap, m, of a contact of stiffness κ, N/mⁿ, that is
+    /// closed, and its rate, m/s; N.
     #[cold]
     #[inline(never)]
     pub(crate) fn damping_force(&self, stiffness: f64, overlap: f64, rate: f64) -> f64 {

@@ -25,12 +25,12 @@ pub struct ContactLaw {
     /// Exponent p of [`Damping::Power`], from 0 to 8.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub damping_exponent: Option<f64>,
-    /// Coefficient f of a friction in proportion to the elastic force, below 1. It opposes the approach of the
-    /// bodies and their parting alike, as that of surfaces that rub or roll on one another does, at any speed
-    /// well above [`ContactLaw::friction_speed`].
+    /// Coefficient f of a friction in proportion to the elastic force, below 1. It opposes the approach of
+    /// the bodies and their parting alike, as that of surfaces that rub or roll on one another does, at any
+    /// speed well above [`ContactLaw::friction_speed`].
     #[serde(default, skip_serializing_if = "is_zero")]
     pub friction: f64,
-    /// Rate v₀ of the overlap, m/s, at which the friction is 76 % of its whole, since it is tanh(δ'/v₀) of it.
+    /// Rate v₀ of the overlap, m/s, at which the friction has 76 % of its whole, since it goes as tanh(δ'/v₀).
     #[serde(default = "slow", skip_serializing_if = "is_slow")]
     pub friction_speed: f64,
 }
