@@ -72,8 +72,8 @@ pub(crate) fn power(x: f64, exponent: f64) -> f64 {
     product
 }
 
-/// Powers, damping and friction of a contact that is not Hertz' with p = 1/2 and f = 0. Its functions are kept
-/// out of the code for Hertz' contacts, which they would slow down.
+/// Powers, damping and friction of a contact that is not Hertz' with p = 1/2 and f = 0. Its functions are
+/// kept out of the code for Hertz' contacts, which they would slow down.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct ContactPowers {
     /// Exponent n of the elastic force.

@@ -30,7 +30,7 @@ pub struct ContactLaw {
     /// speed well above [`ContactLaw::friction_speed`].
     #[serde(default, skip_serializing_if = "is_zero")]
     pub friction: f64,
-    /// Rate v₀ of the overlap, m/s, at which the friction has 76 % of its whole, since it goes as tanh(δ'/v₀).
+    /// Rate v₀ of the overlap, m/s, at which the friction has 76 % of its whole: it goes as tanh(δ'/v₀).
     #[serde(default = "slow", skip_serializing_if = "is_slow")]
     pub friction_speed: f64,
 }
