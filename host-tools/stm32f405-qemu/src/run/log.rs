@@ -27,8 +27,8 @@ fn parse(path: &Path, elf: &[u8]) -> Result<Option<Table>, RunError> {
     Table::parse(elf).map_err(|e| RunError::Log(path.into(), e.to_string()))
 }
 
-/// Returns `true` if the image was linked with defmt's script, but logs nothing by it. The script leaves a byte
-/// in the section that would have the records.
+/// Returns `true` if the image was linked with defmt's script, but logs nothing by it. The script leaves a
+/// byte in the section that would have the records.
 fn has_no_records(elf: &[u8]) -> bool {
     let file = object::File::parse(elf).ok();
     file.and_then(|file| Some(file.section_by_name(".defmt")?.size()))
