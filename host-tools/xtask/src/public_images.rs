@@ -1,7 +1,6 @@
 //! The examples of the crate stm32f4xx-hal in the emulator. `public-images.toml` says which, and what comes
 //! of each. docs/emulator.md has the count.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Instant;
@@ -56,10 +55,8 @@ pub(crate) fn check(steps: &Steps) -> Result<(), Stop> {
     if other.is_empty() {
         return Ok(());
     }
-    let other = other.join(", ");
-    Err(Stop::failed(format!(
-        "{other}: not as host-tools/xtask/public-images.toml says"
-    )))
+    let why = "not as host-tools/xtask/public-images.toml says";
+    Err(Stop::failed(format!("{}: {why}", other.join(", "))))
 }
 
 /// A copy of the crate in which cargo can build its examples.
@@ -164,9 +161,7 @@ fn words<'a>(table: &'a Table, key: &str) -> Vec<&'a str> {
 }
 
 fn write(path: &Path, text: &str) -> Result<(), Stop> {
-    let folder = path.parent().unwrap_or(path);
-    fs::create_dir_all(folder)
-        .and_then(|()| files::write(path, text.as_bytes()))
+    files::write(path, text.as_bytes())
         .map_err(|error| Stop::failed(format!("cannot write {}: {error}", path.display())))
 }
 
