@@ -37,11 +37,12 @@ struct Table {
     /// First address and name of each peripheral of any part.
     places: Vec<(u32, &'static str)>,
     functions: Vec<NewFunction>,
+    requests: Vec<NewRequest>,
 }
 
 static TABLE: LazyLock<Table> = LazyLock::new(|| {
     let (mut rows, mut places, mut functions) = (Vec::new(), Vec::new(), Vec::new());
-    let (mut sets, mut packages) = (Vec::new(), Vec::new());
+    let (mut sets, mut packages, mut requests) = (Vec::new(), Vec::new(), Vec::new());
     let hex = |text: &str| u32::from_str_radix(text, 16).expect("the table has hex numbers there");
     for line in TEXT.lines() {
         let words: Vec<&str> = line.split(' ').collect();
@@ -56,6 +57,16 @@ static TABLE: LazyLock<Table> = LazyLock::new(|| {
                 peripheral,
                 signal,
             }),
+            ["request", line, dma, stream, channel, name] => {
+                let number = |text: &str| text.parse::<usize>().expect("the table has numbers there");
+                requests.push(NewRequest {
+                    line,
+                    dma: number(dma) - 1,
+                    stream: number(stream),
+                    channel: number(channel) as u32,
+                    name,
+                });
+            }
             ["chip", name, ref numbers @ ..] => {
                 let number = |n: usize| -> u32 { numbers[n].parse().expect("the table has numbers there") };
                 let set: &Vec<_> = &sets[number(3) as usize];
@@ -77,6 +88,7 @@ static TABLE: LazyLock<Table> = LazyLock::new(|| {
         rows,
         places,
         functions,
+        requests,
     }
 });
 
@@ -87,6 +99,21 @@ pub(crate) struct NewFunction {
     pub(crate) function: &'static str,
     pub(crate) peripheral: &'static str,
     pub(crate) signal: &'static str,
+}
+
+/// A request to a DMA stream and channel that parts of this line have, and the STM32F405 has not.
+pub(crate) struct NewRequest {
+    line: &'static str,
+    /// DMA1 is 0.
+    pub(crate) dma: usize,
+    pub(crate) stream: usize,
+    pub(crate) channel: u32,
+    pub(crate) name: &'static str,
+}
+
+/// Those of all parts.
+pub(crate) fn new_requests() -> &'static [NewRequest] {
+    &TABLE.requests
 }
 
 /// Those of all parts. Where another part has something else there, no model has that signal.
@@ -266,6 +293,13 @@ impl Chip {
     /// Names of its peripherals.
     pub fn peripherals(self) -> &'static [&'static str] {
         &self.0.peripherals
+    }
+
+    /// Returns `true` if a new request is one of its own.
+    pub(crate) fn has_request(self, new: &NewRequest) -> bool {
+        let place = |request: &NewRequest| (request.dma, request.stream, request.channel);
+        let mut own = TABLE.requests.iter().filter(|own| own.line == self.line());
+        own.any(|own| place(own) == place(new))
     }
 
     /// Returns `true` if a new function is one of its own.

@@ -24,6 +24,7 @@ mod mutants;
 mod nightly;
 mod packages;
 mod paths;
+mod public_images;
 mod python;
 mod reproducible;
 mod setup;
@@ -148,6 +149,13 @@ const TASKS: &[XtaskCommand] = &[
                `--native` to compare with a program compiled for this processor alone; `--plots FOLDER` for pictures. \
                What it compares with is compiled for it alone. docs/benchmarks.md says how to read it.",
         run: TaskFunction::WithWords(bench::bench),
+    },
+    XtaskCommand {
+        name: "public-images",
+        about: "Build the examples of stm32f4xx-hal, run each in the emulator, and print what came of it; takes some minutes",
+        more: "host-tools/xtask/public-images.toml says which, and what is expected; it fails if one does something else. \
+               It needs a network. `test` does not run it. docs/emulator.md has the count.",
+        run: TaskFunction::Alone(public_images::check),
     },
     XtaskCommand {
         name: "dist",

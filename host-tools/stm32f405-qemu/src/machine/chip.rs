@@ -80,6 +80,9 @@ impl Chip {
         units.rcc.limits = part.clock_limits();
         units.rcc.selectable = part.clock_selections();
         units.pwr.has_overdrive = part.has_overdrive();
+        for (dma, stream, channel) in wiring::foreign_requests(part) {
+            units.dma[dma].foreign[stream] |= channel;
+        }
         for ((port, pin), function) in wiring::foreign_functions(part) {
             units.gpio[port].foreign[pin] |= function;
         }
@@ -247,7 +250,7 @@ impl Chip {
             let Some(channel) = self.units.dma[dma].listens_to(stream) else {
                 continue;
             };
-            let of = match wiring::CONNECTIONS.requests.get(&(dma, stream, channel)) {
+            let of = match wiring::request(self.part, dma, stream, channel) {
                 Some(request) if wiring::is_modelled(request) => continue,
                 Some(request) => format!("{request}, which no model requests"),
                 None => format!("channel {channel}, which has no request"),

@@ -2,7 +2,7 @@
 
 use super::board::Exterior;
 use super::chip::Chip;
-use super::wiring::{ADCS, I2CS, SERVERS, SPIS, Server, USARTS};
+use super::wiring::{ADCS, I2CS, SERVERS, SPIS, Server, TIMER_REQUESTS, USARTS};
 use crate::peripherals::Peripheral;
 use crate::peripherals::dac::CHANNELS;
 use crate::peripherals::dma::{Beat, BeatProgress, Direction, STREAMS};
@@ -32,6 +32,74 @@ pub(super) struct Context<'a, B> {
 impl<'a, B: Exterior> Context<'a, B> {
     pub(super) fn new(chip: &'a mut Chip, now: u64, board: &'a mut B) -> Self {
         Self { chip, now, board }
+    }
+}
+
+/// What asks for transfers, by the number of its model.
+#[derive(Debug, Clone, Copy)]
+enum Asker {
+    Converter(usize),
+    Dac(usize),
+    Transmitter(usize),
+    Receiver(usize),
+    I2cTransmitter(usize),
+    I2cReceiver(usize),
+    SpiTransmitter(usize),
+    SpiReceiver(usize),
+    /// With the number of the flag in SR.
+    Timer(usize, usize),
+}
+
+/// All of them, in the order in which they are served.
+fn askers(with_timers: bool) -> impl Iterator<Item = Asker> {
+    use Asker::{Converter, Dac, I2cReceiver, I2cTransmitter, Receiver, SpiReceiver, SpiTransmitter};
+    use Asker::{Timer, Transmitter};
+    let timers = if with_timers { SERVERS.timers.len() } else { 0 };
+    let converters = (0..ADCS.len()).map(Converter).chain((0..CHANNELS).map(Dac));
+    converters
+        .chain((0..USARTS.len()).flat_map(|n| [Transmitter(n), Receiver(n)]))
+        .chain((0..I2CS.len()).flat_map(|n| [I2cTransmitter(n), I2cReceiver(n)]))
+        .chain((0..SPIS.len()).flat_map(|n| [SpiTransmitter(n), SpiReceiver(n)]))
+        .chain((0..timers).flat_map(|n| (0..TIMER_REQUESTS.len()).map(move |flag| Timer(n, flag))))
+}
+
+impl Asker {
+    fn asks(self, chip: &Chip) -> bool {
+        let units = &chip.units;
+        match self {
+            Self::Converter(n) => units.adc.converters[n].request,
+            Self::Dac(channel) => units.dac.request(channel),
+            Self::Transmitter(n) => units.usart[n].dma_transmit_request(),
+            Self::Receiver(n) => units.usart[n].dma_receive_request(),
+            Self::I2cTransmitter(n) => units.i2c[n].dma_transmit_request(),
+            Self::I2cReceiver(n) => units.i2c[n].dma_receive_request(),
+            Self::SpiTransmitter(n) => units.spi[n].dma_transmit_request(),
+            Self::SpiReceiver(n) => units.spi[n].dma_receive_request(),
+            Self::Timer(n, flag) => units.tim[n].requests() >> flag & 1 == 1,
+        }
+    }
+
+    fn server(self) -> &'static Server {
+        match self {
+            Self::Converter(n) => &SERVERS.adc[n],
+            Self::Dac(channel) => &SERVERS.dac[channel],
+            Self::Transmitter(n) => &SERVERS.transmitters[n],
+            Self::Receiver(n) => &SERVERS.receivers[n],
+            Self::I2cTransmitter(n) => &SERVERS.i2c[n].transmitter,
+            Self::I2cReceiver(n) => &SERVERS.i2c[n].receiver,
+            Self::SpiTransmitter(n) => &SERVERS.spi[n].transmitter,
+            Self::SpiReceiver(n) => &SERVERS.spi[n].receiver,
+            Self::Timer(n, flag) => &SERVERS.timers[n][flag],
+        }
+    }
+
+    /// The first byte of a transmitter moves on to the shift register at once, so two may be taken.
+    const fn most_at_once(self) -> u32 {
+        let is_transmitter = matches!(
+            self,
+            Self::Transmitter(_) | Self::I2cTransmitter(_) | Self::SpiTransmitter(_)
+        );
+        if is_transmitter { 2 } else { 1 }
     }
 }
 
@@ -65,119 +133,39 @@ impl Transfers {
     }
 
     pub(super) fn serve(&mut self, at: &mut Context<'_, impl Exterior>) {
-        for adc in 0..ADCS.len() {
-            if at.chip.units.adc.converters[adc].request
-                && let Some(stream) = serving(at.chip, &SERVERS.adc[adc])
-            {
-                self.fetch_conversion(adc, stream, at);
-            }
-        }
-        for channel in 0..CHANNELS {
-            if at.chip.units.dac.request(channel)
-                && let Some(stream) = serving(at.chip, &SERVERS.dac[channel])
-            {
-                at.chip.units.dac.served(channel);
-                self.transfer(stream, at);
-            }
-        }
-        for usart in 0..USARTS.len() {
-            // The first byte moves on to the shift register at once, so two may be taken.
-            for _ in 0..2 {
-                if at.chip.units.usart[usart].dma_transmit_request() {
-                    self.serve_by(&SERVERS.transmitters[usart], at);
+        for asker in askers(at.chip.linked_timers) {
+            for _ in 0..asker.most_at_once() {
+                if asker.asks(at.chip)
+                    && let Some(stream) = serving(at.chip, asker.server())
+                {
+                    self.serve_by(stream, asker, at);
                 }
             }
-            if at.chip.units.usart[usart].dma_receive_request() {
-                self.serve_by(&SERVERS.receivers[usart], at);
-            }
-        }
-        self.serve_buses(at);
-        if at.chip.linked_timers {
-            self.serve_timers(at);
         }
     }
 
     /// Returns `true` if a stream has something to move now.
     pub(super) fn are_due(chip: &Chip) -> bool {
-        let units = &chip.units;
-        let is_served = |server: &Server| serving(chip, server).is_some();
         let copies = |stream| {
-            let beat = units.dma[DMA2].beat(stream);
+            let beat = chip.units.dma[DMA2].beat(stream);
             beat.is_some_and(|beat| beat.direction == Direction::MemoryToMemory)
         };
-        let requests = |n: usize, flag: usize| units.tim[n].requests() >> flag & 1 == 1;
+        let mut askers = askers(chip.linked_timers);
         (0..STREAMS).any(copies)
-            || (0..ADCS.len()).any(|n| units.adc.converters[n].request && is_served(&SERVERS.adc[n]))
-            || (0..CHANNELS).any(|n| units.dac.request(n) && is_served(&SERVERS.dac[n]))
-            || (0..USARTS.len()).any(|n| {
-                let usart = &units.usart[n];
-                usart.dma_transmit_request() && is_served(&SERVERS.transmitters[n])
-                    || usart.dma_receive_request() && is_served(&SERVERS.receivers[n])
-            })
-            || (0..I2CS.len()).any(|n| {
-                let (i2c, servers) = (&units.i2c[n], &SERVERS.i2c[n]);
-                i2c.dma_transmit_request() && is_served(&servers.transmitter)
-                    || i2c.dma_receive_request() && is_served(&servers.receiver)
-            })
-            || (0..SPIS.len()).any(|n| {
-                let (spi, servers) = (&units.spi[n], &SERVERS.spi[n]);
-                spi.dma_transmit_request() && is_served(&servers.transmitter)
-                    || spi.dma_receive_request() && is_served(&servers.receiver)
-            })
-            || (0..units.tim.len()).any(|n| {
-                let mut servers = SERVERS.timers[n].iter().enumerate();
-                servers.any(|(flag, server)| requests(n, flag) && is_served(server))
-            })
+            || askers.any(|asker| asker.asks(chip) && serving(chip, asker.server()).is_some())
     }
 
-    fn serve_timers(&mut self, at: &mut Context<'_, impl Exterior>) {
-        for n in 0..at.chip.units.tim.len() {
-            let requests = at.chip.units.tim[n].requests();
-            if requests == 0 {
-                continue;
-            }
-            for (flag, server) in SERVERS.timers[n].iter().enumerate() {
-                if requests >> flag & 1 == 1
-                    && let Some(stream) = serving(at.chip, server)
-                {
-                    at.chip.units.tim[n].served(1 << flag);
-                    self.transfer(stream, at);
-                }
-            }
+    fn serve_by(&mut self, stream: DmaStream, asker: Asker, at: &mut Context<'_, impl Exterior>) {
+        match asker {
+            Asker::Converter(n) => return self.fetch_conversion(n, stream, at),
+            Asker::Dac(channel) => at.chip.units.dac.served(channel),
+            Asker::Timer(n, flag) => at.chip.units.tim[n].served(1 << flag),
+            _ => {}
         }
-    }
-
-    fn serve_buses(&mut self, at: &mut Context<'_, impl Exterior>) {
-        for n in 0..I2CS.len() {
-            // The first byte moves on to the shift register at once, so two may be taken.
-            for _ in 0..2 {
-                if at.chip.units.i2c[n].dma_transmit_request() {
-                    self.serve_by(&SERVERS.i2c[n].transmitter, at);
-                }
-            }
-            if at.chip.units.i2c[n].dma_receive_request()
-                && let Some(stream) = serving(at.chip, &SERVERS.i2c[n].receiver)
-            {
-                self.transfer(stream, at);
-                let left = at.chip.units.dma[stream.dma].items_left(stream.stream);
-                at.chip.units.i2c[n].fetched(left);
-            }
-        }
-        for n in 0..SPIS.len() {
-            for _ in 0..2 {
-                if at.chip.units.spi[n].dma_transmit_request() {
-                    self.serve_by(&SERVERS.spi[n].transmitter, at);
-                }
-            }
-            if at.chip.units.spi[n].dma_receive_request() {
-                self.serve_by(&SERVERS.spi[n].receiver, at);
-            }
-        }
-    }
-
-    fn serve_by(&mut self, server: &Server, at: &mut Context<'_, impl Exterior>) {
-        if let Some(stream) = serving(at.chip, server) {
-            self.transfer(stream, at);
+        self.transfer(stream, at);
+        if let Asker::I2cReceiver(n) = asker {
+            let left = at.chip.units.dma[stream.dma].items_left(stream.stream);
+            at.chip.units.i2c[n].fetched(left);
         }
     }
 

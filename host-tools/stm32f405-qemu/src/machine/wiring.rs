@@ -7,7 +7,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::LazyLock;
 
-use crate::chip::{Chip, new_functions};
+use crate::chip::{Chip, NewRequest, new_functions, new_requests};
 
 const TABLE: &str = include_str!("connections.txt");
 
@@ -174,11 +174,15 @@ pub(super) static CONNECTIONS: LazyLock<Connections> = LazyLock::new(|| {
                 let (dma, stream, channel) = (number(dma) - 1, number(stream), number(channel) as u32);
                 // Two requests may share a place: only one of them can be in use.
                 found.requests.entry((dma, stream, channel)).or_insert(name);
-                let server = found.servers.entry(name).or_default();
-                server.dma = dma;
-                server.streams.push((stream, channel));
+                found.serve(name, dma, (stream, channel));
             }
             _ => {}
+        }
+    }
+    let mut served = BTreeSet::new();
+    for new in new_requests() {
+        if served.insert((new.dma, new.stream, new.channel)) {
+            found.serve(new.name, new.dma, (new.stream, new.channel));
         }
     }
     // Several parts have most of them.
@@ -201,7 +205,28 @@ pub(super) fn foreign_functions(part: Chip) -> impl Iterator<Item = (PinIndex, u
     foreign.filter_map(|new| Some((pin(new.pin)?, 1 << new.function.parse::<u32>().ok()?)))
 }
 
+/// The places of requests that some part has and this one has not: controller, stream, and a bit for the
+/// channel.
+pub(super) fn foreign_requests(part: Chip) -> impl Iterator<Item = (usize, usize, u8)> {
+    let foreign = new_requests().iter().filter(move |new| !part.has_request(new));
+    foreign.map(|new| (new.dma, new.stream, 1 << new.channel))
+}
+
+/// Returns the name of the request that a stream of a part gets from a channel.
+pub(super) fn request(part: Chip, dma: usize, stream: usize, channel: u32) -> Option<&'static str> {
+    let is_there = |new: &&NewRequest| (new.dma, new.stream, new.channel) == (dma, stream, channel);
+    let mut own = new_requests().iter().filter(|new| part.has_request(new));
+    let new = own.find(is_there).map(|new| new.name);
+    new.or_else(|| CONNECTIONS.requests.get(&(dma, stream, channel)).copied())
+}
+
 impl Connections {
+    fn serve(&mut self, request: &'static str, dma: usize, place: (usize, u32)) {
+        let server = self.servers.entry(request).or_default();
+        server.dma = dma;
+        server.streams.push(place);
+    }
+
     fn connect(&mut self, pin: PinIndex, function: &str, peripheral: &'static str, signal: &'static str) {
         let position = |names: &[&str]| names.iter().position(|name| *name == peripheral);
         if let (Some(adc), Some(Ok(channel))) = (position(&ADCS), signal.strip_prefix("IN").map(str::parse)) {

@@ -96,6 +96,8 @@ pub(crate) struct Dma {
     /// DMA1 is 0.
     number: usize,
     streams: [StreamRegisters; STREAMS],
+    /// Of each stream the channels, a bit for each, whose request this part has not and another has.
+    pub(crate) foreign: [u8; STREAMS],
     /// Streams that were just enabled, a bit for each. Cleared once they are noted.
     pub(crate) started: u32,
     pub(crate) notes: Notes,
@@ -124,7 +126,7 @@ impl Dma {
     pub(crate) fn serving(&self, mapping: &[(usize, u32)]) -> Option<usize> {
         let listens = |(stream, channel): &&(usize, u32)| {
             let s = &self.streams[*stream];
-            s.running() && field(s.cr, 25, 3) == *channel
+            s.running() && field(s.cr, 25, 3) == *channel && self.foreign[*stream] >> channel & 1 == 0
         };
         mapping.iter().find(listens).map(|(stream, _)| *stream)
     }
@@ -357,7 +359,7 @@ impl Peripheral for Dma {
 
     fn reset(&mut self, _now: u64) {
         let old = std::mem::replace(self, Self::new(self.number));
-        self.notes = old.notes;
+        (self.notes, self.foreign) = (old.notes, old.foreign);
     }
 
     fn interrupt(&self, stream: usize) -> bool {

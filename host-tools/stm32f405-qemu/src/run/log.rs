@@ -4,6 +4,7 @@
 use std::path::Path;
 
 use defmt_decoder::{DecodeError, Table};
+use object::{Object, ObjectSection};
 
 use super::error::RunError;
 use crate::outcome::LogLine;
@@ -20,7 +21,18 @@ pub(super) fn decode(path: &Path, elf: &[u8], bytes: &[u8]) -> Result<Vec<LogLin
 }
 
 fn parse(path: &Path, elf: &[u8]) -> Result<Option<Table>, RunError> {
+    if has_no_records(elf) {
+        return Ok(None);
+    }
     Table::parse(elf).map_err(|e| RunError::Log(path.into(), e.to_string()))
+}
+
+/// Returns `true` if the image was linked with defmt's script, but logs nothing by it. The script leaves a
+/// byte in the section that would have the records.
+fn has_no_records(elf: &[u8]) -> bool {
+    let file = object::File::parse(elf).ok();
+    file.and_then(|file| Some(file.section_by_name(".defmt")?.size()))
+        .is_some_and(|size| size <= 1)
 }
 
 fn lines(table: Option<&Table>, bytes: &[u8]) -> Vec<LogLine> {
@@ -103,6 +115,27 @@ fn frames(table: &Table, bytes: &[u8]) -> Vec<LogLine> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// An ELF with nothing but a section `.defmt`.
+    fn elf_with_records(bytes: u32) -> Vec<u8> {
+        let names = b"\0.defmt\0.shstrtab\0\0\0";
+        let mut elf = b"\x7fELF\x01\x01\x01\0\0\0\0\0\0\0\0\0\x02\0\x28\0\x01\0\0\0".to_vec();
+        elf.extend([0, 0, 52 + 20, 0].map(u32::to_le_bytes).concat());
+        elf.extend([52, 0, 0, 40, 3, 2].map(u16::to_le_bytes).concat());
+        elf.extend(names);
+        elf.extend([0; 40]);
+        elf.extend([1, 1, 0, 0, 52, bytes, 0, 0, 1, 0].map(u32::to_le_bytes).concat());
+        elf.extend([8, 3, 0, 0, 52, 20, 0, 0, 1, 0].map(u32::to_le_bytes).concat());
+        elf
+    }
+
+    #[test]
+    fn an_image_linked_with_the_script_of_defmt_that_logs_nothing_has_a_log_of_text() {
+        let log = |bytes| Log::new(Path::new("image"), &elf_with_records(bytes));
+        assert_eq!(log(1).unwrap().take(b"text\n"), [plain("text")]);
+        let error = log(2).map(drop).unwrap_err().to_string();
+        assert!(error.contains("cannot be decoded"), "{error}");
+    }
 
     #[test]
     fn a_log_without_an_end_of_a_record_is_not_kept_for_ever() {

@@ -29,6 +29,7 @@ const HEAD: &str = "\
 # CHIPS=overwrite cargo test --release -p stm32f405-qemu --test all chips::
 # at ADDRESS PERIPHERAL; peripherals N NAMES; pins N MASKS of the ports A to K;
 # function LINE PIN FUNCTION PERIPHERAL SIGNAL, where the STM32F405 has no such function of the pin;
+# request LINE DMA STREAM CHANNEL NAME, where the STM32F405 has no such request;
 # chip NAME, KiB of flash, KiB of SRAM, KiB of CCM, its peripherals, its pins.
 ";
 
@@ -121,6 +122,31 @@ fn new_functions(metadata: &str) -> Vec<String> {
     found
 }
 
+/// The DMA requests of modelled peripherals that the STM32F405's table of connections lacks.
+fn new_requests(metadata: &str) -> Vec<String> {
+    let known = include_str!("../../src/machine/connections.txt");
+    let requests: Vec<_> = known
+        .lines()
+        .filter_map(|line| line.strip_prefix("request "))
+        .collect();
+    let mut found = Vec::new();
+    for peripheral in metadata.split("\n    Peripheral {\n").skip(1) {
+        let name = between(peripheral, "name: \"", "\"");
+        for channel in peripheral.split("PeripheralDmaChannel {").skip(1) {
+            let request = format!("{name}_{}", between(channel, "signal: \"", "\""));
+            let place = between(channel, "channel: Some(\"DMA", "\")").replace("_CH", " ");
+            let line = format!("{place} {} {request}", between(channel, "request: Some(", ")"));
+            let is_modelled = requests
+                .iter()
+                .any(|known| known.ends_with(&format!(" {request}")));
+            if is_modelled && !requests.contains(&&*line) {
+                found.push(line);
+            }
+        }
+    }
+    found
+}
+
 fn table(metapac: &Path) -> String {
     let version = read(&metapac.join("Cargo.toml"));
     let mut text = HEAD.replace("VERSION", between(&version, "\nversion = \"", "\""));
@@ -132,7 +158,7 @@ fn table(metapac: &Path) -> String {
         .collect();
     chips.sort();
     let (mut places, mut sets, mut packages) = (BTreeMap::new(), Vec::new(), Vec::new());
-    let (mut rows, mut functions) = (String::new(), BTreeSet::new());
+    let (mut rows, mut functions, mut requests) = (String::new(), BTreeSet::new(), BTreeSet::new());
     for name in chips {
         let chip = read(&folder.join(&name).join("metadata.rs"));
         let shared = read(&folder.join(between(&chip, "include!(\"../", "\")")));
@@ -162,6 +188,11 @@ fn table(metapac: &Path) -> String {
                 .iter()
                 .map(|what| format!("function {line} {what}\n")),
         );
+        requests.extend(
+            new_requests(&shared)
+                .iter()
+                .map(|what| format!("request {line} {what}\n")),
+        );
         rows += &format!("chip {name} {flash} {sram} {ccm} {set} {package}\n");
     }
     let mut places: Vec<_> = places.into_iter().collect();
@@ -175,6 +206,7 @@ fn table(metapac: &Path) -> String {
         }
     }
     text.extend(functions);
+    text.extend(requests);
     text + &rows
 }
 

@@ -711,6 +711,22 @@ fn qemu_ends_with_its_host_whatever_ends_the_host() {
 }
 
 #[test]
+fn of_an_image_without_symbols_the_program_says_that_its_log_cannot_be_told() {
+    // Stack, reset, a branch to itself.
+    let words = [0x2002_0000_u32, 0x0800_0009, 0xe7fe].map(u32::to_le_bytes);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("stripped");
+    std::fs::write(&path, super::qemu::elf(&words.concat(), &[])).unwrap();
+    let ran = Command::new(env!("CARGO_BIN_EXE_stm32-emu"))
+        .arg(path)
+        .output()
+        .unwrap();
+    let said = String::from_utf8(ran.stdout).unwrap();
+    assert!(said.contains("no symbols"), "{said}");
+    assert!(!program("sleeps", &["--for", "10ms"]).1.contains("no symbols"));
+}
+
+#[test]
 fn a_log_without_a_pause_is_whole() {
     for count_instructions in [false, true] {
         let mut run = run_of("logs");

@@ -137,7 +137,7 @@ fn tell(outcome: &Outcome, session: &Session, to: &mut impl Write) -> io::Result
     if !outcome.resets.is_empty() {
         writeln!(to, "{} resets", outcome.resets.len())?;
     }
-    for line in &session.ended_early {
+    for line in &session.notes {
         writeln!(to, "{line}")?;
     }
     if let Some(instructions) = &outcome.instructions {

@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use stm32f405_qemu::{Inputs, LogLine, Outcome, Passed, Run, RunError};
+use stm32f405_qemu::{Inputs, LogLine, Outcome, Passed, Run, RunError, functions};
 
 use super::arguments::Arguments;
 use super::uart::{Lines, SEMIHOSTING, Ways};
@@ -20,8 +20,8 @@ pub(crate) struct Session {
     pub(crate) took: Duration,
     /// Bytes that each USART sent.
     pub(crate) sent: Vec<(String, usize)>,
-    /// Waveforms of the scenario that were over before the run was.
-    pub(crate) ended_early: Vec<String>,
+    /// Waveforms of the scenario that were over before the run was, and that the image has no symbols.
+    pub(crate) notes: Vec<String>,
 }
 
 /// Runs an image.
@@ -29,6 +29,7 @@ pub(crate) struct Session {
 /// # Errors
 /// [`RunError`] if it does not start. What fails later is in the session.
 pub(crate) fn run(run: Run, arguments: &Arguments, lines: &mut Lines) -> Result<Session, RunError> {
+    let has_symbols = !functions(&run.elf, "")?.is_empty();
     let mut ways = Ways::open(&arguments.uart)?;
     let began = Instant::now();
     let mut last = None;
@@ -44,7 +45,10 @@ pub(crate) fn run(run: Run, arguments: &Arguments, lines: &mut Lines) -> Result<
     }
     lines.finish();
     let scenario = arguments.scenario.as_ref().zip(result.as_ref().ok());
-    let ended_early = scenario.map_or_else(Vec::new, |(scenario, outcome)| scenario.ended_early(outcome));
+    let mut notes = scenario.map_or_else(Vec::new, |(scenario, outcome)| scenario.ended_early(outcome));
+    if !has_symbols {
+        notes.push("no symbols: of a stripped image neither the log nor a panic can be told".into());
+    }
     Ok(Session {
         result,
         until: arguments
@@ -53,7 +57,7 @@ pub(crate) fn run(run: Run, arguments: &Arguments, lines: &mut Lines) -> Result<
             .map(|until| (until.to_string(), lines.found)),
         closed: lines.closed,
         took: began.elapsed(),
-        ended_early,
+        notes,
         sent: std::mem::take(&mut lines.sent).into_iter().collect(),
     })
 }

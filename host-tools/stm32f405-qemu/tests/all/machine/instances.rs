@@ -376,6 +376,25 @@ fn a_stream_that_waits_for_a_request_that_no_model_makes_is_noted_by_its_name() 
     assert_eq!(bench.outcome().unmodelled, expected);
 }
 
+/// SPI1's transmitter asks stream 2 of DMA2 by channel 2 on an STM32F411 (RM0383 table 28), but not on an
+/// STM32F405.
+#[test]
+fn a_stream_serves_the_requests_of_its_part() {
+    const SPI1: u32 = 0x4001_3000;
+    let waits = "DMA2 S2CR: the stream waits for channel 2, which has no request";
+    for (part, left, noted) in [("STM32F411CE", 3, &[][..]), ("STM32F405RG", 5, &[waits][..])] {
+        let mut bench = MachineBench::with(|run| run.chip = part.parse().unwrap());
+        bench.set(SPI1, [(0x04, 0b10), (0x00, 0x300 | 1 << 6 | 1 << 2)]);
+        let writes = [(0x04, 5), (0x08, SPI1 + 0x0c), (0x0c, SRAM)];
+        bench.set(stream(DMA2, 2), writes);
+        bench.write(stream(DMA2, 2), 2 << 25 | 1 << 10 | 0b01 << 6 | 1);
+        assert_eq!(bench.read(stream(DMA2, 2) + 0x04), left, "{part}");
+        let mut notes = bench.outcome().unmodelled;
+        notes.retain(|note| note.contains("stream"));
+        assert_eq!(notes, noted, "{part}");
+    }
+}
+
 #[test]
 fn a_burst_that_does_not_fit_the_fifo_stops_the_stream_with_its_error() {
     // Memory size, burst, threshold: table 49.
