@@ -18,7 +18,7 @@ const SETTLED: f64 = 1e-9;
 const SMOOTH: f64 = 1e-7;
 /// Greatest logarithm of a stroke over its limit that a descent regards.
 const OVERREACH_MOST: f64 = 100.0;
-/// Factor of the number that a descent makes small. The method takes its curvature for 1 at first; in these
+/// Factor of a mean that a descent makes small. The method takes its curvature for 1 at first; in these
 /// variables that of a share is some tenth, and where the method overrates it, its steps are too short.
 const SCALE: f64 = 10.0;
 /// Least gain for which a descent is restarted from its end, without its estimate of the curvature.
@@ -149,13 +149,9 @@ impl Problem<'_> {
             let last = x.len() - 1;
             if let Some(gradient) = gradient {
                 gradient.fill(0.0);
-                gradient[last] = SCALE;
+                gradient[last] = 1.0;
             }
-            if descent.borrow().is_over() {
-                0.0
-            } else {
-                SCALE * x[last]
-            }
+            if descent.borrow().is_over() { 0.0 } else { x[last] }
         };
         let above = |part: usize| {
             let descent = &descent;
