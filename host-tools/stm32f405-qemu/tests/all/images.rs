@@ -559,14 +559,27 @@ fn an_output_that_is_an_input_is_refused_before_it_is_emptied() {
     let text = "[[waveform]]\npin = \"PA0\"\nfile = \"ramp.csv\"\n";
     std::fs::write(&scenario, text).unwrap();
     std::fs::write(&wave, "t,x\n0,1\n0.001,2\n0.002,3\n").unwrap();
-    let mut twice = Command::new(env!("CARGO_BIN_EXE_stm32-emu"));
-    let twice = twice
-        .args(["--json", "x.out", "--vcd", "x.out"])
-        .arg(&copy)
-        .output()
-        .unwrap();
-    assert_eq!(twice.status.code(), Some(2));
-    assert!(String::from_utf8_lossy(&twice.stderr).contains("x.out is given for two outputs"));
+    let here = folder.path().to_str().unwrap();
+    for (outputs, words) in [
+        (
+            ["--json", "x.out", "--vcd", "x.out"],
+            "x.out is given for two outputs",
+        ),
+        (
+            ["--json", "none/x", "--for", "1s"],
+            "there is no folder for none/x; make it first",
+        ),
+        (
+            ["--vcd", here, "--for", "1s"],
+            "is a folder; give the name of a file in it",
+        ),
+    ] {
+        let mut host = Command::new(env!("CARGO_BIN_EXE_stm32-emu"));
+        let ran = host.args(outputs).arg(&copy).output().unwrap();
+        assert_eq!(ran.status.code(), Some(2));
+        let said = String::from_utf8_lossy(&ran.stderr);
+        assert!(said.contains(words), "{said}");
+    }
     for input in [&copy, &scenario, &wave] {
         let bytes = std::fs::read(input).unwrap();
         let path = input.display();

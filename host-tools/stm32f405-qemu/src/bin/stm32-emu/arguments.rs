@@ -1,6 +1,6 @@
 //! The command line.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -110,7 +110,8 @@ impl Arguments {
         }
     }
 
-    /// Refuses an output that is an input, which would be emptied, or another output.
+    /// Refuses an output that is an input, which would be emptied, or another output, and one that no file can
+    /// be: a run of minutes should not end without its report.
     pub(crate) fn check_outputs(&self) -> Result<(), RunError> {
         let named = self.uart.iter().filter_map(super::uart::Way::file);
         let outputs: Vec<_> = named
@@ -121,6 +122,18 @@ impl Arguments {
         if let Some(twice) = (1..outputs.len()).find(|n| outputs[..*n].contains(&outputs[*n])) {
             let what = format!("{} is given for two outputs", outputs[twice].display());
             return Err(RunError::Input(what + "; give each a name of its own"));
+        }
+        if let Some(folder) = outputs.iter().find(|out| out.is_dir()) {
+            let what = format!("{} is a folder; give the name of a file in it", folder.display());
+            return Err(RunError::Input(what));
+        }
+        let has_folder = |out: &Path| match out.parent() {
+            Some(folder) => folder.as_os_str().is_empty() || folder.is_dir(),
+            None => true,
+        };
+        if let Some(lost) = outputs.iter().find(|out| !has_folder(out)) {
+            let what = format!("there is no folder for {}; make it first", lost.display());
+            return Err(RunError::Input(what));
         }
         let scenario = self.scenario.iter().flat_map(|scenario| scenario.paths());
         let inputs = std::iter::once(&self.elf).chain(scenario);
