@@ -110,8 +110,8 @@ impl Arguments {
         }
     }
 
-    /// Refuses an output that is an input, which would be emptied, or another output, and one that no file can
-    /// be: a run of minutes should not end without its report.
+    /// Refuses an output that is an input, which would be emptied, or another output, and one that no file
+    /// can be: a run of minutes should not end without its report.
     pub(crate) fn check_outputs(&self) -> Result<(), RunError> {
         let named = self.uart.iter().filter_map(super::uart::Way::file);
         let outputs: Vec<_> = named
