@@ -35,7 +35,7 @@ impl<'a, B: Exterior> Context<'a, B> {
     }
 }
 
-/// What asks for transfers, by the number of its model.
+/// A peripheral that asks for transfers, with the number of its model.
 #[derive(Debug, Clone, Copy)]
 enum Asker {
     Converter(usize),
