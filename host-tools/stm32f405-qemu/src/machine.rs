@@ -178,9 +178,29 @@ impl Machine {
         part(value, address, bytes)
     }
 
-    /// Begins a stretch of [`Self::read_steady`]: between it and the last of these calls come no others.
-    pub fn begin_steady_reads(&mut self) {
-        self.quiet = QuietTime::default();
+    /// Does what [`Self::read`] does, if that is nothing but to give a value: nothing has happened meanwhile,
+    /// and a read of this register has no effect. `None`, without an effect, otherwise.
+    pub fn read_quietly(&mut self, address: u32, bytes: u32, now: u64) -> Option<u32> {
+        if now >= self.next_event() {
+            return None;
+        }
+        let word = address & !3;
+        let (row, offset) = self.quiet.place(word)?;
+        let model = (row.model_mut)(&mut self.chip.units);
+        model.holds_until(offset, now)?;
+        let value = self
+            .chip
+            .is_clocked(row)
+            .then(|| (row.model_mut)(&mut self.chip.units).read(offset, now))?;
+        self.polls.accessed(word);
+        Some(part(value.ok()?, address, bytes))
+    }
+
+    /// When the next event comes that needs no access.
+    fn next_event(&mut self) -> u64 {
+        let (chip, levels) = (&self.chip, &self.levels);
+        let next = || events::next(chip, levels).map_or(u64::MAX, |(at, _)| at);
+        *self.quiet.until.get_or_insert_with(next)
     }
 
     /// Does what [`Self::read`] does, for a register that changes by time and events only. `None`, without an
@@ -202,7 +222,7 @@ impl Machine {
         let value = (row.model_mut)(&mut self.chip.units).read(offset, now).ok()?;
         let ramp = (row.model)(&self.chip.units).ramp(offset, now);
         let ramp = ramp.filter(|_| !happened && bytes == 4).map(|ramp| Ramp {
-            until_ns: ramp.until_ns.min(self.quiet.until),
+            until_ns: ramp.until_ns.min(self.next_event()),
             ..ramp
         });
         self.polls.accessed(word);
@@ -210,7 +230,7 @@ impl Machine {
         let holds_until = if happened {
             now
         } else {
-            holds_until.min(self.quiet.until)
+            holds_until.min(self.next_event())
         };
         Some(SteadyRead {
             value: part(value, address, bytes),
@@ -221,19 +241,17 @@ impl Machine {
 
     /// Plays the events up to `now`. Returns `true` if there were any.
     fn play_steadily(&mut self, now: u64, board: &mut impl Exterior) -> bool {
-        let happened = now >= self.quiet.until;
+        let happened = now >= self.next_event();
         if happened {
             self.play(now, board);
             self.settle(board);
-            self.quiet.outputs = None;
-            self.quiet.until = events::next(&self.chip, &self.levels).map_or(u64::MAX, |(at, _)| at);
         }
         happened
     }
 
-    /// Does what [`Self::write`] does with a word, for a register of a DMA controller, between
-    /// [`Self::begin_steady_reads`] and the next call of another kind. `None`, without an effect, for another
-    /// register, or if the write would move data, leave a note or raise a line that `may_rise` refuses.
+    /// Does what [`Self::write`] does with a word, for a register of a DMA controller. `None`, without an
+    /// effect, for another register, or if the write would move data, leave a note or raise a line that
+    /// `may_rise` refuses.
     pub fn write_steady(
         &mut self,
         address: u32,
@@ -262,10 +280,8 @@ impl Machine {
         let kept = &mut self.quiet.kept[dma];
         kept.get_or_insert_with(|| self.chip.units.dma[dma].clone());
         self.write(address, 4, value, now, board);
-        self.quiet.outputs = None;
-        self.quiet.until = events::next(&self.chip, &self.levels).map_or(u64::MAX, |(at, _)| at);
         Some(SteadyWrite {
-            holds_until: if happened { now } else { self.quiet.until },
+            holds_until: if happened { now } else { self.next_event() },
             next_interrupt: self.next_interrupt(),
         })
     }
@@ -324,21 +340,19 @@ impl Machine {
             && row_at(address).is_some_and(is_clocked)
     }
 
-    /// Does what [`Self::write`] does, for a word that [`Self::only_moves_pins`], between
-    /// [`Self::begin_steady_reads`] and the next call of another kind. Gives whether anything has changed.
+    /// Does what [`Self::write`] does, for a word that [`Self::only_moves_pins`]. Gives whether anything has
+    /// changed.
     pub fn move_pins(&mut self, address: u32, value: u32, now: u64, board: &mut impl Exterior) -> bool {
         let outputs = self.quiet.outputs.filter(|(port, _)| *port == address);
         let levels = outputs.map(|(_, levels)| levels);
         let levels = levels.or_else(|| self.chip.read(address - BSRR + ODR, now).ok());
         self.quiet.outputs = levels.map(|levels| (address, levels));
         let kept = levels.is_some_and(|levels| (levels & !(value >> 16) | value & 0xffff) == levels);
-        if kept && now < self.quiet.until {
+        if kept && now < self.next_event() {
             self.polls.accessed(address);
             return false;
         }
-        self.quiet.outputs = None;
         self.write(address, 4, value, now, board);
-        self.quiet.until = events::next(&self.chip, &self.levels).map_or(u64::MAX, |(at, _)| at);
         true
     }
 
@@ -370,6 +384,7 @@ impl Machine {
             self.levels.add(known_pin(&level.pin), level.at_ns, level.high);
         }
         self.chip.stimulus.append(inputs.codes, now);
+        self.quiet.end();
     }
 
     /// Inputs and rows that are kept for later.
@@ -452,6 +467,11 @@ impl Machine {
     /// Returns `true` if the processor gets no instruction.
     pub(crate) fn stands_still(&self) -> bool {
         self.chip.stands_still() || self.chip.sleeps()
+    }
+
+    /// The processor's clock, Hz. 0 if it has none.
+    pub(crate) fn hclk(&self) -> u32 {
+        self.chip.clocks.hclk
     }
 
     /// Returns `true` if a sleep now is STOP or STANDBY.
@@ -550,10 +570,14 @@ impl Machine {
 
     /// Plays triggers, conversions, transfers and bytes up to `now`, in order.
     fn play(&mut self, now: u64, board: &mut impl Exterior) {
-        while let Some((at, event)) = events::next(&self.chip, &self.levels).filter(|(at, _)| *at <= now) {
-            self.happen(event, at, board);
-            self.transfers.serve(&mut Context::new(&mut self.chip, at, board));
-            self.scan(now, board);
+        if now >= self.next_event() {
+            while let Some((at, event)) = events::next(&self.chip, &self.levels).filter(|(at, _)| *at <= now)
+            {
+                self.happen(event, at, board);
+                self.transfers.serve(&mut Context::new(&mut self.chip, at, board));
+                self.scan(now, board);
+            }
+            self.quiet.end();
         }
         for tim in &mut self.chip.units.tim {
             tim.advance(now);
@@ -668,6 +692,7 @@ impl Machine {
 
     /// Brings memory and the interrupt lines up to the state of the models.
     fn deliver(&mut self, board: &mut impl Exterior) {
+        self.quiet.end();
         self.chip.tell_selections(&mut self.levels, board);
         self.transfers.flush(board);
         self.lines.settle(&mut self.chip, board);

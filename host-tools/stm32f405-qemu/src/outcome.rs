@@ -27,7 +27,7 @@ pub struct Outcome {
     pub log: Vec<LogLine>,
     /// Raw bytes of the log, as received over RTT.
     pub rtt: Vec<u8>,
-    /// Virtual time of an instruction, in ns.
+    /// Virtual time of an instruction at the end of the run, in ns: see [`Run::shift`](crate::Run::shift).
     pub instruction_ns: u32,
     /// The interrupts that the processor took, by the vectors at the beginning of flash. A handler that
     /// several vectors share is not counted.
@@ -134,27 +134,6 @@ impl Outcome {
         let masked = masked.map(|masked| &mut masked.from);
         let places = of_faults.chain([at_end, self.stopped_at.as_mut(), masked]);
         places.flatten().for_each(name);
-    }
-
-    /// A sentence, if the processor had for more than a tenth of the time a clock whose cycle is longer than
-    /// an instruction takes here. The least shift that fits is said.
-    pub(crate) fn faster_than_the_core(&self) -> Option<String> {
-        let cycle_ns = |hz: u32| 1e9 / f64::from(hz);
-        let slow = |(hz, _): &&(u32, u64)| *hz > 0 && cycle_ns(*hz) > f64::from(self.instruction_ns);
-        let slow: Vec<_> = self.hclk_ns.iter().filter(slow).collect();
-        let ns: u64 = slow.iter().map(|(_, ns)| ns).sum();
-        let slowest = slow.iter().map(|(hz, _)| *hz).min()?;
-        let shift = cycle_ns(slowest).log2().ceil();
-        (ns > self.virtual_ns / 10).then(|| {
-            format!(
-                "processor an instruction takes {} ns, less than a cycle, for {:.3} of {:.3} s (HCLK down to {:.3} MHz): \
-                 faster than the core can be; Run::shift {shift} is not",
-                self.instruction_ns,
-                ns as f64 * 1e-9,
-                self.virtual_ns as f64 * 1e-9,
-                f64::from(slowest) * 1e-6
-            )
-        })
     }
 
     /// Where the processor was at the end and what it did there, as a part of a sentence.

@@ -22,6 +22,7 @@ mod fences;
 mod handlers;
 mod idle;
 mod overlay;
+mod pace;
 mod priorities;
 mod qemu;
 mod recorder;

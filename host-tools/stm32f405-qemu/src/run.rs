@@ -118,11 +118,9 @@ impl Run {
             rtt,
             semihosting: folder.text(exchange::SEMIHOSTING),
             flash: (WRITABLE.start, folder.read(exchange::FLASH)?),
-            instruction_ns: 1 << job.shift,
             ..outcome
         };
         outcome.name_functions(|place| image.name(place));
-        outcome.unmodelled.extend(outcome.faster_than_the_core());
         let missing = outcome.pins.iter().filter(|pin| !self.chip.has_pin(&pin.name));
         let missing: Vec<_> = missing
             .map(|pin| format!("GPIO {} moved, and the {} has no such pin", pin.name, self.chip))

@@ -141,7 +141,7 @@ pub struct Emulation {
     pub truth: RunTruth,
     /// Faults to inject.
     pub faults: Vec<Planned>,
-    /// Time of an instruction: 2^`shift` ns, as `Run::shift`.
+    /// Least time of an instruction: 2^`shift` ns, as `Run::shift`.
     pub shift: Option<u8>,
     /// TCP port for a debugger, as `Run::gdb`.
     pub gdb: Option<u16>,

@@ -269,7 +269,7 @@ pub struct ClockTable {
     /// Seconds of the bead's time in one of this computer's, for a bead that listens. Without it its time
     /// passes as fast as it can while a program is connected.
     pub pace: Option<f64>,
-    /// Time of an instruction, as QEMU's -icount counts it: 2^`shift` ns.
+    /// Least time of an instruction: 2^`shift` ns.
     pub shift: Option<u8>,
 }
 
@@ -306,7 +306,7 @@ impl ClockTable {
             ensure(PACES.contains(&pace), "clock", "pace", pace, advice)?;
         }
         if let Some(shift) = self.shift {
-            let advice = format!("give 0 to {SHIFT_MOST}; an instruction takes 2^shift ns");
+            let advice = format!("give 0 to {SHIFT_MOST}; an instruction takes 2^shift ns or more");
             ensure(shift <= SHIFT_MOST, "clock", "shift", shift.into(), advice)?;
         }
         Ok(())

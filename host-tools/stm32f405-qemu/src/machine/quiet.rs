@@ -1,5 +1,4 @@
-//! Accesses to registers that change by time and events only, or by these accesses alone, one after the
-//! other, without anything else.
+//! Accesses to registers that change by time and events only, or by these accesses alone.
 
 use super::table::{PeripheralRow, TABLE, offset_in, row_at};
 use crate::peripherals::dma::Dma;
@@ -34,8 +33,8 @@ const PLACES: usize = 8;
 /// The time up to which nothing happens, and the peripherals of the registers that were read last.
 #[derive(Debug, Clone, Default)]
 pub(super) struct QuietTime {
-    /// When the next event comes. 0 if that has to be found out.
-    pub(super) until: u64,
+    /// When the next event comes. `None` if that has to be found out.
+    pub(super) until: Option<u64>,
     /// BSRR of a port that [`Machine::only_moves_pins`](super::Machine::only_moves_pins) allows, and the
     /// levels of the port's outputs, which nothing has changed since.
     pub(super) outputs: Option<(u32, u32)>,
@@ -46,6 +45,11 @@ pub(super) struct QuietTime {
 }
 
 impl QuietTime {
+    /// Something may have changed.
+    pub(super) fn end(&mut self) {
+        (self.until, self.outputs) = (None, None);
+    }
+
     /// The peripheral of a register, and its offset in it.
     pub(super) fn place(&mut self, address: u32) -> Option<(&'static PeripheralRow, u32)> {
         let place = &mut self.places[(address >> 2 ^ address >> 10) as usize % PLACES];

@@ -5,7 +5,7 @@ use super::chip::Chip;
 use super::wiring::{ADCS, I2CS, SERVERS, SPIS, Server, TIMER_REQUESTS, USARTS};
 use crate::peripherals::Peripheral;
 use crate::peripherals::dac::CHANNELS;
-use crate::peripherals::dma::{Beat, BeatProgress, Direction, STREAMS};
+use crate::peripherals::dma::{Beat, BeatProgress, Direction, Dma, STREAMS};
 
 /// The only controller that copies between memories (section 10.3.6).
 const DMA2: usize = 1;
@@ -133,6 +133,9 @@ impl Transfers {
     }
 
     pub(super) fn serve(&mut self, at: &mut Context<'_, impl Exterior>) {
+        if !at.chip.units.dma.iter().any(Dma::runs) {
+            return;
+        }
         for asker in askers(at.chip.linked_timers) {
             for _ in 0..asker.most_at_once() {
                 if asker.asks(at.chip)

@@ -131,6 +131,11 @@ impl Dma {
         mapping.iter().find(listens).map(|(stream, _)| *stream)
     }
 
+    /// Returns `true` if a stream is not stopped.
+    pub(crate) fn runs(&self) -> bool {
+        self.streams.iter().any(StreamRegisters::running)
+    }
+
     /// Returns the next beat of the stream, `None` if the stream is stopped.
     pub(crate) fn beat(&self, stream: usize) -> Option<Beat> {
         let s = &self.streams[stream];

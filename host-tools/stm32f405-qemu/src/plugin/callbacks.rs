@@ -13,7 +13,7 @@ use std::fs::File;
 use std::ops::{Range, RangeInclusive};
 use std::path::{Path, PathBuf};
 use std::ptr::null_mut;
-use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
+use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU32, AtomicU64, Ordering::Relaxed};
 use std::sync::mpsc::Sender;
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::Duration;
@@ -24,9 +24,10 @@ use super::failures::{self, Sighting};
 use super::handlers;
 use super::idle::IdleSchedule;
 use super::overlay::Overlay;
+use super::pace::Pace;
 use super::qemu::{
-    AccessSizes, DEVICE_LITTLE_ENDIAN, Functions, LOADS_AND_STORES, LOG_SEEN, NO_REGISTERS, Notifier, Ops,
-    PRIORITY, Pointer, ProcessorAccess, QEMU_CLOCK_REALTIME, QEMU_CLOCK_VIRTUAL, Qemu, READS_REGISTERS,
+    AccessSizes, DEVICE_LITTLE_ENDIAN, Functions, LOADS_AND_STORES, LOG_SEEN, NEVER, NO_REGISTERS, Notifier,
+    Ops, PRIORITY, Pointer, ProcessorAccess, QEMU_CLOCK_REALTIME, QEMU_CLOCK_VIRTUAL, Qemu, READS_REGISTERS,
     SCALE_NS, SPARE_LINE, ValidAccess, WAITED_FOR_EVENT, WAITS, WAITS_AT, Waits, exit, leave, log_moved,
     on_signal_of_abort, repeats, room, say, symbol, take_no_signals, take_standard_streams,
 };
@@ -322,6 +323,7 @@ fn lay_over(f: &'static Functions, chip: Chip) -> Result<Qemu, String> {
             functions: f,
             address_space,
             timer,
+            timer_at: AtomicI64::new(NEVER),
             interrupts,
             nmi,
             systick,
@@ -333,6 +335,7 @@ fn lay_over(f: &'static Functions, chip: Chip) -> Result<Qemu, String> {
             rest_timer,
             rest: IdleSchedule::default(),
             reset_requested: AtomicBool::new(false),
+            pace: Pace::new(),
         })
     }
 }
@@ -391,7 +394,9 @@ extern "C" fn on_priority_write(start: Pointer, offset: u64, value: u64, bytes: 
 extern "C" fn on_read(start: Pointer, offset: u64, bytes: u32) -> u64 {
     let address = address_of(start, offset);
     read_or_moved_pins();
-    access(|machine, now, outside| machine.read(address, bytes, now, outside)).into()
+    running()
+        .map_or(0, |(mut overlay, qemu)| overlay.read(address, bytes, qemu))
+        .into()
 }
 
 extern "C" fn on_write(start: Pointer, offset: u64, value: u64, bytes: u32) {
@@ -428,6 +433,7 @@ fn access<T: Default>(access: impl FnOnce(&mut Machine, u64, &mut Outside<'_>) -
 
 extern "C" fn on_timer(_: Pointer) {
     if let Some((mut overlay, qemu)) = running() {
+        qemu.forget_timer();
         overlay.wake(qemu);
     }
 }

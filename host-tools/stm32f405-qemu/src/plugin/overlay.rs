@@ -126,6 +126,19 @@ impl Overlay {
         Some(self.recorder.blocks.as_ref()?.counters)
     }
 
+    /// The processor reads a register.
+    pub(super) fn read(&mut self, address: u32, bytes: u32, qemu: &Qemu) -> u32 {
+        let now = qemu.now();
+        if let Some(value) = self.machine.read_quietly(address, bytes, now) {
+            self.recorder.called();
+            self.now = now;
+            return value;
+        }
+        self.access(qemu, |machine, now, outside| {
+            machine.read(address, bytes, now, outside)
+        })
+    }
+
     /// The processor reads, writes or stores to flash: `access` says it to the machine.
     pub(super) fn access<T>(
         &mut self,
@@ -191,9 +204,8 @@ impl Overlay {
     /// Gives how often it has executed the instructions, by their addresses.
     pub(super) fn shorten_wait(&mut self, qemu: &Qemu) -> Vec<(u32, u64)> {
         let now = qemu.now();
-        let until = self
-            .wakes_at
-            .saturating_sub(MARGIN * self.description.instruction_ns);
+        let ns = self.description.instruction_ns * qemu.pace.factor();
+        let until = self.wakes_at.saturating_sub(MARGIN * ns);
         let until = until.min(now + LONGEST_NS);
         let may = self.interrupts_tested
             && !self.ended
@@ -217,14 +229,13 @@ impl Overlay {
             return Vec::new();
         };
         let mut outside = Outside(qemu, &mut self.recorder);
-        let ns = self.description.instruction_ns;
         let log = self.description.rtt.map(rtt::write_offset);
         let vectors = match qemu.read_nvic(VTOR, 4) as u32 {
             // Flash is seen there too.
             0 => FLASH.start,
             vectors => vectors,
         };
-        self.machine.begin_steady_reads();
+        self.machine.keep_registers();
         let around = waiting::Surroundings {
             machine: &mut self.machine,
             outside: &mut outside,
@@ -453,6 +464,7 @@ impl Overlay {
         let stop = self.recorder.stops.as_ref().map(|stops| stops.at_ns);
         let next = [interrupt, poke, fault, end, stop].into_iter().flatten();
         self.wakes_at = next.fold(self.ends_at(), u64::min).max(now + 1);
+        qemu.follow_clock(self.machine.hclk(), self.description.instruction_ns);
         qemu.wake_at(self.wakes_at);
     }
 
@@ -479,7 +491,7 @@ impl Overlay {
     pub(super) fn stop(&mut self, end: RunEnd, qemu: &Qemu) {
         let now = qemu.now();
         self.drain_log(qemu);
-        self.report(end, now);
+        self.report(end, now, qemu);
     }
 
     /// QEMU gives up, since the processor has locked up. It cannot say the time any more.
@@ -491,13 +503,13 @@ impl Overlay {
             }
         }
         self.drain_log(qemu);
-        self.report(RunEnd::LockedUp(None), self.now);
+        self.report(RunEnd::LockedUp(None), self.now, qemu);
     }
 
     /// Writes the outcome and asks QEMU to stop. What it still executes until then is not recorded.
     fn end(&mut self, end: RunEnd, now: u64, qemu: &Qemu) {
         self.drain_log(qemu);
-        if self.report(end, now) {
+        if self.report(end, now, qemu) {
             qemu.request_shutdown();
         }
     }
@@ -517,7 +529,7 @@ impl Overlay {
     }
 
     /// Writes the outcome, once. Gives whether this was the first time.
-    fn report(&mut self, end: RunEnd, now: u64) -> bool {
+    fn report(&mut self, end: RunEnd, now: u64, qemu: &Qemu) -> bool {
         if std::mem::replace(&mut self.ended, true) {
             return false;
         }
@@ -529,6 +541,7 @@ impl Overlay {
             panics: std::mem::take(&mut self.failures.panics),
             interrupts: handlers::taken(),
             stopped_at: qemu::last_block().map(Into::into),
+            instruction_ns: (self.description.instruction_ns * qemu.pace.factor()) as u32,
             ..self.machine.outcome(now)
         };
         outcome.never_came.extend(self.never_came());

@@ -21,9 +21,10 @@ use std::os::fd::{AsRawFd, FromRawFd};
 use std::path::Path;
 use std::ptr::null_mut;
 use std::sync::OnceLock;
-use std::sync::atomic::{AtomicBool, AtomicPtr, AtomicU32, Ordering::Relaxed};
+use std::sync::atomic::{AtomicBool, AtomicI64, AtomicPtr, AtomicU32, Ordering::Relaxed};
 
 use super::idle::IdleSchedule;
+use super::pace::Pace;
 use crate::chip::Chip;
 use crate::exchange::LINE_PREFIX;
 use crate::machine::{INTERRUPTS, NMI, SYSTICK};
@@ -171,6 +172,8 @@ pub(super) struct Notifier {
     pub(super) node: [usize; 2],
 }
 
+/// No time of the timer.
+pub(super) const NEVER: i64 = -1;
 pub(super) const DEVICE_LITTLE_ENDIAN: c_int = 2;
 pub(super) const QEMU_CLOCK_REALTIME: c_int = 0;
 pub(super) const QEMU_CLOCK_VIRTUAL: c_int = 1;
@@ -202,6 +205,8 @@ pub(super) struct Qemu {
     pub(super) functions: &'static Functions,
     pub(super) address_space: Pointer,
     pub(super) timer: Pointer,
+    /// QEMU's time for which it is set. To set it anew takes the processor out of its work.
+    pub(super) timer_at: AtomicI64,
     pub(super) interrupts: Vec<Pointer>,
     pub(super) nmi: Pointer,
     pub(super) systick: Pointer,
@@ -217,6 +222,7 @@ pub(super) struct Qemu {
     pub(super) rest_timer: Pointer,
     pub(super) rest: IdleSchedule,
     pub(super) reset_requested: AtomicBool,
+    pub(super) pace: Pace,
 }
 
 // SAFETY: the pointers are to objects of QEMU's that live as long as it does, used under its big lock.
@@ -226,9 +232,19 @@ unsafe impl Sync for Qemu {}
 
 impl Qemu {
     pub(super) fn now(&self) -> u64 {
+        self.pace.time(self.own_now())
+    }
+
+    fn own_now(&self) -> u64 {
         // SAFETY: takes a clock's number.
         let ns = unsafe { (self.functions.qemu_clock_get_ns)(QEMU_CLOCK_VIRTUAL) };
         ns.max(0) as u64
+    }
+
+    /// The processor has a clock of `hclk` Hz from now on; QEMU's clock moves by `instruction_ns` with an
+    /// instruction. Call [`Self::wake_at`] afterwards.
+    pub(super) fn follow_clock(&self, hclk: u32, instruction_ns: u64) {
+        self.pace.follow(hclk, instruction_ns, || self.own_now());
     }
 
     /// Calls `Overlay::wake` at this time, and not at the time asked for before.
@@ -236,8 +252,16 @@ impl Qemu {
         if self.reset_requested.load(Relaxed) {
             return;
         }
-        // SAFETY: the timer was initialised by `lay_over`.
-        unsafe { (self.functions.timer_mod)(self.timer, i64::try_from(ns).unwrap_or(i64::MAX)) }
+        let at = i64::try_from(self.pace.qemu_time(ns)).unwrap_or(i64::MAX);
+        if self.timer_at.swap(at, Relaxed) != at {
+            // SAFETY: the timer was initialised by `lay_over`.
+            unsafe { (self.functions.timer_mod)(self.timer, at) }
+        }
+    }
+
+    /// The timer has run out, or was stopped.
+    pub(super) fn forget_timer(&self) {
+        self.timer_at.store(NEVER, Relaxed);
     }
 
     pub(super) fn read_memory(&self, address: u32, bytes: &mut [u8]) {
@@ -450,6 +474,7 @@ impl Qemu {
     pub(super) fn request_reset(&self) {
         self.reset_requested.store(true, Relaxed);
         self.rest.need(true);
+        self.forget_timer();
         // SAFETY: the timer was initialised by `lay_over`; the other takes a cause.
         unsafe {
             (self.functions.timer_del)(self.timer);

@@ -809,20 +809,6 @@ fn stop_ends_with_an_edge_on_the_internal_oscillator_and_standby_with_a_reset() 
 }
 
 #[test]
-fn a_core_that_is_slower_than_the_emulator_is_said_with_the_shift_that_fits() {
-    let speed = |shift| {
-        let mut run = run_of("logs");
-        run.shift = shift;
-        passed(&run).unmodelled
-    };
-    let said = speed(None);
-    assert_eq!(said.len(), 1, "{said:?}");
-    assert!(said[0].contains("HCLK down to 16.000 MHz"), "{said:?}");
-    assert!(said[0].ends_with("Run::shift 6 is not"), "{said:?}");
-    assert_eq!(speed(Some(6)), [""; 0]);
-}
-
-#[test]
 fn a_log_of_text_that_waits_for_the_host_is_whole_also_beside_defmt() {
     let outcome = passed(&run_of("texts"));
     let last = &*outcome.log[199].text;

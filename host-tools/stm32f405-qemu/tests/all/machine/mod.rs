@@ -495,7 +495,6 @@ fn steady_writes_to_a_dma_controller_do_what_others_do_and_are_refused_where_the
         let now = steady.board.now + 8;
         (steady.board.now, plain.board.now) = (now, now);
         let lines = steady.board.lines.clone();
-        steady.machine.begin_steady_reads();
         steady.machine.keep_registers();
         let before = registers(&mut steady);
         let may_rise = n % 2 == 0;
@@ -535,7 +534,6 @@ fn registers(bench: &mut MachineBench) -> Vec<u32> {
 #[test]
 fn a_steady_write_moves_no_data() {
     let steady = |bench: &mut MachineBench, address, value| {
-        bench.machine.begin_steady_reads();
         let (now, board) = (bench.board.now, &mut bench.board);
         bench.machine.write_steady(address, value, now, board, |_| true)
     };
