@@ -1,10 +1,10 @@
 //! The overlay's virtual time, and how QEMU's own clock is read as it.
 //!
 //! # Design
-//! QEMU's clock moves by the same time with each instruction, whatever the firmware does with its clocks. A core
-//! takes a cycle of HCLK for an instruction at least. While a cycle is longer than QEMU's time, the overlay's
-//! time moves by a multiple of QEMU's: an instruction takes the least multiple that is not shorter than a
-//! cycle.
+//! QEMU's clock moves by the same time with each instruction, whatever the firmware does with its clocks. A
+//! core takes a cycle of HCLK for an instruction at least. While a cycle is longer than QEMU's time, the
+//! overlay's time moves by a multiple of QEMU's: an instruction takes the least multiple that is not shorter
+//! than a cycle.
 
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
 
