@@ -75,10 +75,10 @@ pub struct Run {
     /// Frequency error of the crystal, ppm: less than 1000 either way, in steps of 1 Hz. The rows of the
     /// stimulus follow it. All other times here are true ones.
     pub hse_ppm: f64,
-    /// QEMU's `-icount shift`: an instruction takes 2^`shift` ns of virtual time, 1 to 1024, or the least
-    /// multiple of that which is no less than a cycle of HCLK. `None` for what `STM32F405_QEMU_SHIFT` says,
-    /// else 3: 8 ns above 125 MHz, and 64 ns at 16 MHz. At 4 (16 ns, 2.7 cycles at 168 MHz) the core is as
-    /// slow as one that waits for flash at every turn.
+    /// QEMU's `-icount shift`: an instruction takes 2^`shift` ns of virtual time, 1 to 1024, or a cycle of
+    /// HCLK, in whole ns, if that is longer. `None` for what `STM32F405_QEMU_SHIFT` says, else 3: 8 ns from
+    /// 125 MHz on, and 63 ns at 16 MHz. At 4 (16 ns, 2.7 cycles at 168 MHz) the core is as slow as one that
+    /// waits for flash at every turn.
     pub shift: Option<u8>,
     /// True if SWSTART starts a scan while CR2.EXTEN selects a trigger. RM0090 section 13.3 leaves both open.
     pub software_scan_under_trigger: bool,

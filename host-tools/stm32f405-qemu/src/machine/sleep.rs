@@ -9,6 +9,7 @@
 
 use super::chip::{Chip, DeepSleep};
 use super::wiring::PinIndex;
+use crate::peripherals::Peripheral;
 
 /// WKUP is PA0.
 const WAKE_UP: PinIndex = (0, 0);
@@ -24,6 +25,12 @@ impl Chip {
         let modes = [DeepSleep::Stop, DeepSleep::Standby];
         self.deep_sleep = Some(modes[usize::from(standby)]);
         self.units.rcc.asleep = true;
+        if standby {
+            // All pins float (section 5.3.5).
+            for port in &mut self.units.gpio {
+                port.reset(now);
+            }
+        }
         self.pass_on(now);
     }
 

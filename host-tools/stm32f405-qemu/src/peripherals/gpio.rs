@@ -10,6 +10,11 @@ const LCKK: u32 = 1 << 16;
 /// Most changes of a port that are recorded, 16 bytes each. An image that only moves its pins makes tens of
 /// millions a second.
 const MOST_CHANGES: usize = 1 << 21;
+/// Ports and pins of the clock outputs, which are alternate function 0 (section 7.2.10).
+const CLOCK_OUTPUTS: [(usize, usize, &str); 2] = [
+    (0, 8, "PA8 is the output of a clock (MCO1): it does not move"),
+    (2, 9, "PC9 is the output of a clock (MCO2): it does not move"),
+];
 const NOT_RECORDED: &str = "later changes are counted and not recorded";
 
 /// The lock key (section 8.4.8): LCKK is written as 1, 0, 1 with the same pins, and then read.
@@ -231,19 +236,21 @@ impl Peripheral for Gpio {
             _ => return Err(NoRegister),
         }
         self.count(before ^ self.outputs(), now);
+        for (_, pin, what) in CLOCK_OUTPUTS.iter().filter(|(port, ..)| *port == self.port) {
+            let is_on = self.alternate(*pin) == Some(0);
+            self.notes.keep_while(is_on, (*what).into());
+        }
         Ok(())
     }
 
     /// The count of edges goes on, and so do the levels from outside.
     fn reset(&mut self, now: u64) {
         let high = self.outputs();
-        for pin in (0..16).filter(|pin| bit(high, *pin)) {
-            self.record(pin as usize, now, false);
-        }
         let old = std::mem::replace(self, Self::new(self.port));
         (self.edges, self.records, self.recorded) = (old.edges, old.records, old.recorded);
         (self.changes, self.notes) = (old.changes, old.notes);
         (self.wired, self.by_wire, self.foreign) = (old.wired, old.by_wire, old.foreign);
+        self.count(high, now);
     }
 }
 
@@ -294,11 +301,23 @@ mod tests {
     }
 
     #[test]
-    fn edges_are_counted_for_outputs_only_and_once_a_change() {
+    fn edges_are_counted_for_outputs_only_and_once_a_change_and_a_reset_is_one() {
         let mut port = Gpio::new(2);
         port.put(0, [(MODER, 0b01)]);
         port.put(0, [0b11, 0b11, 0b00, 0b11].map(|value| (ODR, value)));
         assert_eq!(port.edges[..2], [3, 0]);
+        port.reset(0);
+        assert_eq!(port.edges[..2], [4, 0]);
+    }
+
+    #[test]
+    fn a_clock_output_is_noted_for_as_long_as_the_pin_is_one() {
+        let mut port = Gpio::new(0);
+        let noted = [(MODER, 0b10 << 16), (AFRH, 1), (AFRH, 0), (MODER, 0)].map(|write| {
+            port.put(0, [write]);
+            port.notes.iter().count()
+        });
+        assert_eq!(noted, [1, 0, 1, 0]);
     }
 
     #[test]

@@ -44,6 +44,7 @@ const UNMODELLED: [(u32, u32, &str); 2] = [
 ];
 const LONG_ADDRESS: &str = "DR: addresses of 10 bits are not modelled: nobody answers";
 const NO_RATE: &str = "CCR is 0: it is taken for 1";
+const STARTED_TWICE: &str = "CR1.START is written while SB is set: here it waits for an address; RM0090 does not say what a part does";
 
 /// The state of the bus.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -258,6 +259,10 @@ impl I2c {
                 self.phase = Phase::Stopping(self.after(now, 1));
             }
             Phase::Holding => {}
+            Phase::AwaitsAddress => {
+                self.notes.note_if(self.cr1 & START != 0, STARTED_TWICE);
+                return;
+            }
             _ => return,
         }
         if self.cr1 & START != 0 && matches!(self.phase, Phase::Idle | Phase::Holding) {
@@ -562,6 +567,15 @@ mod tests {
             assert_eq!(step(&mut i2c), (at + BIT_NS, then));
             assert_eq!(i2c.get(DR, at), 7);
         }
+    }
+
+    #[test]
+    fn a_second_start_before_the_address_waits_for_it_and_is_noted() {
+        let mut i2c = running(START);
+        let (at, _) = step(&mut i2c);
+        assert_eq!(i2c.notes.iter().count(), 0);
+        i2c.put(at, [(CR1, PE | START)]);
+        assert_eq!((i2c.next_step(), i2c.notes.iter().count()), (None, 1));
     }
 
     #[test]

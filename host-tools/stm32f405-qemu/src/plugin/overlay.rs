@@ -204,7 +204,7 @@ impl Overlay {
     /// Gives how often it has executed the instructions, by their addresses.
     pub(super) fn shorten_wait(&mut self, qemu: &Qemu) -> Vec<(u32, u64)> {
         let now = qemu.now();
-        let ns = self.description.instruction_ns * qemu.pace.factor();
+        let ns = qemu.pace.instruction_ns();
         let until = self.wakes_at.saturating_sub(MARGIN * ns);
         let until = until.min(now + LONGEST_NS);
         let may = self.interrupts_tested
@@ -541,7 +541,7 @@ impl Overlay {
             panics: std::mem::take(&mut self.failures.panics),
             interrupts: handlers::taken(),
             stopped_at: qemu::last_block().map(Into::into),
-            instruction_ns: (self.description.instruction_ns * qemu.pace.factor()) as u32,
+            instruction_ns: qemu.pace.instruction_ns() as u32,
             ..self.machine.outcome(now)
         };
         outcome.never_came.extend(self.never_came());

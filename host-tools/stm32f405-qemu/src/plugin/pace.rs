@@ -3,17 +3,20 @@
 //! # Design
 //! QEMU's clock moves by the same time with each instruction, whatever the firmware does with its clocks. A
 //! core takes a cycle of HCLK for an instruction at least. While a cycle is longer than QEMU's time, the
-//! overlay's time moves by a multiple of QEMU's: an instruction takes the least multiple that is not shorter
-//! than a cycle.
+//! overlay's time goes by faster: an instruction takes the least whole number of ns that is no less than a
+//! cycle. As the overlay's time is never the slower one, each of its times at the end of an instruction is
+//! one of QEMU's exactly.
 
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
 
 const NS_PER_S: u64 = 1_000_000_000;
 
-/// Factor of QEMU's time, and the time in both clocks since which it holds.
+/// Time of an instruction, and the time in both clocks since which it holds.
 pub(super) struct Pace {
     hclk: AtomicU32,
-    factor: AtomicU64,
+    /// In QEMU's time, ns.
+    qemu_instruction_ns: AtomicU64,
+    instruction_ns: AtomicU64,
     since: AtomicU64,
     qemu_since: AtomicU64,
 }
@@ -22,38 +25,49 @@ impl Pace {
     pub(super) const fn new() -> Self {
         Self {
             hclk: AtomicU32::new(0),
-            factor: AtomicU64::new(1),
+            qemu_instruction_ns: AtomicU64::new(1),
+            instruction_ns: AtomicU64::new(1),
             since: AtomicU64::new(0),
             qemu_since: AtomicU64::new(0),
         }
     }
 
-    /// The processor has a clock of `hclk` Hz from now on. Without one it executes nothing, and the factor
-    /// stays.
-    pub(super) fn follow(&self, hclk: u32, instruction_ns: u64, qemu_ns: impl FnOnce() -> u64) {
+    /// The processor has a clock of `hclk` Hz from now on, and QEMU's clock moves by `qemu_instruction_ns`
+    /// with an instruction. Without a clock the processor executes nothing, and all stays.
+    pub(super) fn follow(&self, hclk: u32, qemu_instruction_ns: u64, qemu_ns: impl FnOnce() -> u64) {
         if self.hclk.swap(hclk, Relaxed) == hclk || hclk == 0 {
             return;
         }
         let qemu_ns = qemu_ns();
         self.since.store(self.time(qemu_ns), Relaxed);
         self.qemu_since.store(qemu_ns, Relaxed);
-        let factor = NS_PER_S.div_ceil(u64::from(hclk) * instruction_ns);
-        self.factor.store(factor, Relaxed);
+        self.qemu_instruction_ns.store(qemu_instruction_ns, Relaxed);
+        let cycle_ns = NS_PER_S.div_ceil(hclk.into());
+        self.instruction_ns
+            .store(qemu_instruction_ns.max(cycle_ns), Relaxed);
     }
 
-    pub(super) fn factor(&self) -> u64 {
-        self.factor.load(Relaxed)
+    /// Time of an instruction, ns.
+    pub(super) fn instruction_ns(&self) -> u64 {
+        self.instruction_ns.load(Relaxed)
     }
 
     /// The overlay's time when QEMU's clock says `qemu_ns`.
     pub(super) fn time(&self, qemu_ns: u64) -> u64 {
-        self.since.load(Relaxed) + (qemu_ns - self.qemu_since.load(Relaxed)) * self.factor()
+        let passed = u128::from(qemu_ns - self.qemu_since.load(Relaxed));
+        let passed = passed * u128::from(self.instruction_ns()) / self.qemu_step();
+        self.since.load(Relaxed) + passed as u64
     }
 
     /// The first time of QEMU's clock at which the overlay's is not before `ns`.
     pub(super) fn qemu_time(&self, ns: u64) -> u64 {
-        let left = ns.saturating_sub(self.since.load(Relaxed));
-        self.qemu_since.load(Relaxed) + left.div_ceil(self.factor())
+        let left = u128::from(ns.saturating_sub(self.since.load(Relaxed)));
+        let left = (left * self.qemu_step()).div_ceil(self.instruction_ns().into());
+        self.qemu_since.load(Relaxed) + left as u64
+    }
+
+    fn qemu_step(&self) -> u128 {
+        self.qemu_instruction_ns.load(Relaxed).into()
     }
 }
 
@@ -80,7 +94,7 @@ mod tests {
             0,
             16_000_000 / 512,
         ];
-        assert_eq!(clocks.map(&mut instruction), [8, 8, 16, 64, 64, 32_000]);
+        assert_eq!(clocks.map(&mut instruction), [8, 8, 9, 63, 63, 32_000]);
     }
 
     #[test]

@@ -13,8 +13,8 @@ pub enum RunError {
     /// The image at this path cannot be read.
     #[error("cannot read the firmware image {path}: {1}; build it first or name another", path = .0.display())]
     ImageMissing(PathBuf, #[source] std::io::Error),
-    /// The file at this path is not an ELF for a 32-bit ARM, but this.
-    #[error("{path} is not an ARM ELF file ({1}); give the image that the thumbv7em build made", path = .0.display())]
+    /// The file at this path is not an ELF with something to load for a 32-bit ARM, but this.
+    #[error("{path} is not an ARM firmware image ({1}); give the ELF that the thumbv7em build made", path = .0.display())]
     NotArmElf(PathBuf, String),
     /// The image at this path does not fit the run's part, for this reason.
     #[error("{path} is an image for another part: {1}", path = .0.display())]

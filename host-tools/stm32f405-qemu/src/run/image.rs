@@ -32,6 +32,8 @@ pub fn functions(elf: &Path, pattern: &str) -> Result<Vec<Function>, RunError> {
     Ok(functions)
 }
 
+const NOTHING_TO_LOAD: &str = "it has nothing to load: link it with -Tlink.x";
+
 /// An image with its bytes and its functions.
 pub(super) struct Image {
     pub(super) path: PathBuf,
@@ -58,6 +60,9 @@ impl Image {
         let (format, processor) = (elf.format(), elf.architecture());
         if format != object::BinaryFormat::Elf || processor != object::Architecture::Arm {
             return Err(not_arm(format!("{format:?} for {processor:?}")));
+        }
+        if elf.segments().all(|segment| segment.size() == 0) {
+            return Err(not_arm(NOTHING_TO_LOAD.into()));
         }
 
         let mut functions = Vec::new();

@@ -38,11 +38,17 @@ fn the_wake_up_timer_interrupts_through_exti_once_for_each_flag() {
 }
 
 #[test]
-fn the_wake_up_timer_ends_stop_and_standby() {
+fn the_wake_up_timer_ends_stop_and_standby_in_which_pins_float() {
+    let high = |bench: &mut MachineBench| {
+        bench.set(GPIOC, [(0x00, 1), (0x14, 1)]);
+        assert_eq!(bench.outcome().pins[0].edges, 1);
+    };
     let mut bench = waking();
+    high(&mut bench);
     bench.set(EXTI, [(0x08, WAKE_UP), (0x00, WAKE_UP)]);
     bench.write(SCR, 1 << 2);
     bench.machine.sleep(bench.board.now, &mut bench.board);
+    assert_eq!(bench.outcome().pins[0].edges, 1, "STOP keeps the pins' levels");
     assert!(bench.board.stalled);
     bench.pass(999_999_999);
     assert!(bench.board.stalled);
@@ -50,9 +56,11 @@ fn the_wake_up_timer_ends_stop_and_standby() {
     assert!(!bench.board.stalled && bench.has_line(RTC_WKUP));
 
     let mut bench = waking();
+    high(&mut bench);
     bench.write(PWR, 1 << 14 | 1 << 8 | 1 << 1);
     bench.write(SCR, 1 << 2);
     bench.machine.sleep(bench.board.now, &mut bench.board);
+    assert_eq!(bench.outcome().pins[0].edges, 2);
     bench.pass(999_999_999);
     assert_eq!(bench.board.resets_wanted, 0);
     bench.pass(1_000_000_000);
