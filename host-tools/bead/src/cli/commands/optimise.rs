@@ -360,8 +360,11 @@ fn of_spread(robustness: &Robustness, share: f64, strokes: &[f64]) -> String {
 
 fn remarks(optimum: &Optimum) -> Vec<String> {
     let mut remarks = vec![format!(
-        "{} designs tried; the search saw {:.5} %, the reference accuracy {:.5} %. A chain twice as long changes that by {:.5} %.",
+        "{} runs: {} designs, and {} gradients that count as {} runs each. The search saw {:.5} %, the reference accuracy {:.5} %. A chain twice as long changes that by {:.5} %.",
         optimum.evaluations,
+        optimum.evaluations - Search::GRADIENT_RUNS * optimum.gradients,
+        optimum.gradients,
+        Search::GRADIENT_RUNS,
         100.0 * optimum.share_searched,
         100.0
             * optimum

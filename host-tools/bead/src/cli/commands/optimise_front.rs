@@ -121,7 +121,7 @@ impl FrontReport {
             ]
         });
         let header = format!(
-            "at most (g) | together (g) | {} | best that are all alike | designs tried | settled",
+            "at most (g) | together (g) | {} | best that are all alike | runs | settled",
             self.label()
         );
         let title = Some(title.to_owned()).filter(|title| !title.is_empty());

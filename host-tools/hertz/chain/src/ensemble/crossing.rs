@@ -10,7 +10,7 @@ use super::eight::{Eight, Vector, Wide, all};
 use super::method::{DISPLACEMENT, END, ERROR, NODES, STAGES, VELOCITY};
 
 /// Gauss' rule for ∫ √y g(y) dy over 0 to 1: abscissae, and weights over √y.
-const RULE: [(f64, f64); 5] = [
+pub(super) const RULE: [(f64, f64); 5] = [
     (0.9569313076182352, 0.1089131754219363),
     (0.786880055907332, 0.22279529803475262),
     (0.5331219512438066, 0.2720403422553957),
@@ -18,7 +18,7 @@ const RULE: [(f64, f64); 5] = [
     (0.07265351292075016, 0.14167433265182075),
 ];
 /// Iterations of the search for the root. An error of 1e-6 of the step is 1e-9 of the integral.
-const SEARCH: usize = 9;
+pub(super) const SEARCH: usize = 9;
 
 /// Up to eight contacts. Lanes without one are filled with [`ContactBatch::NONE`].
 #[derive(Debug, Clone, Copy)]

@@ -13,6 +13,7 @@ use pulp::{Arch, NullaryFnOnce};
 use super::chain::{ChainShape, Constants};
 use super::crossing::{Changes, ContactBatch};
 use super::eight::{Eight, LANES, Vector, Wide, all};
+use super::kept::{KeptOverlap, KeptSteps};
 use super::method::{DISPLACEMENT, END, ERROR, NODES, STAGES, VELOCITY};
 use super::peak::{ForcePeaks, farthest};
 use crate::model::Model;
@@ -38,17 +39,17 @@ impl GroupMotion {
     }
 }
 
-type StageRates = [Eight; STAGES];
+pub(super) type StageRates = [Eight; STAGES];
 
 /// Eight chains of one shape.
 #[derive(Debug)]
 pub(super) struct Group<'a> {
-    shape: &'a ChainShape,
-    constants: &'a Constants,
+    pub(super) shape: &'a ChainShape,
+    pub(super) constants: &'a Constants,
     pub(super) now: GroupMotion,
-    next: GroupMotion,
-    rates: Vec<StageRates>,
-    guest_rates: Vec<StageRates>,
+    pub(super) next: GroupMotion,
+    pub(super) rates: Vec<StageRates>,
+    pub(super) guest_rates: Vec<StageRates>,
     pulls: Vec<Eight>,
     /// Energy dissipated in each intruder, J: in this step, and in all steps before.
     lost: Vec<Eight>,
@@ -57,17 +58,17 @@ pub(super) struct Group<'a> {
     errors: Vec<Eight>,
     guest_errors: Vec<Eight>,
     /// Time of each lane, s.
-    time: Eight,
+    pub(super) time: Eight,
     /// Length of the next step to try, and of the present step, s.
     step: Eight,
-    length: Eight,
+    pub(super) length: Eight,
     pub(super) tries: [u64; LANES],
     /// 1 in lanes whose last attempt failed.
     rejected: Eight,
     /// Computed contacts: as flags, and in runs of neighbours.
     active: Vec<bool>,
-    runs: Vec<Range<usize>>,
-    guests: Vec<usize>,
+    pub(super) runs: Vec<Range<usize>>,
+    pub(super) guests: Vec<usize>,
     /// Contacts that open or close in the step, by number and lane.
     crossings: Vec<(usize, usize)>,
     changes: Vec<Changes>,
@@ -75,10 +76,12 @@ pub(super) struct Group<'a> {
     unpushed: Option<usize>,
     stopped: [Option<SavedChain>; LANES],
     /// Models of the lanes, for their contacts, and the contacts whose greatest force is wanted.
-    models: &'a [&'a Model],
+    pub(super) models: &'a [&'a Model],
     pub(super) peaks: Vec<ForcePeaks>,
     /// Greatest |x| of each intruder so far, m; empty if not wanted.
     pub(super) strokes: Vec<Eight>,
+    /// The steps, if they are to be followed back.
+    pub(super) kept: Option<KeptSteps>,
 }
 
 /// State of one chain at the end of a step, with its intruders at rest.
@@ -138,6 +141,7 @@ impl<'a> Group<'a> {
                 .map(|&contact| ForcePeaks { contact, greatest })
                 .collect(),
             strokes: Vec::new(),
+            kept: None,
         }
     }
 
@@ -221,6 +225,7 @@ impl<S: Wide> NullaryFnOnce for GroupCall<'_, '_, S> {
             if !group.strokes.is_empty() {
                 group.lengthen_strokes(&allowed);
             }
+            group.keep(before, &allowed);
             group.take(simd, &allowed);
         }
         stuck
@@ -321,7 +326,7 @@ impl Group<'_> {
     }
 
     #[inline(always)]
-    fn stages<S: Wide>(&mut self, simd: S) {
+    pub(super) fn stages<S: Wide>(&mut self, simd: S) {
         // Bodies without a force move at constant velocity.
         let length = self.length.load(simd);
         for body in 0..self.shape.places() {
@@ -469,7 +474,11 @@ impl Group<'_> {
         // All changes are computed before any is applied. Otherwise a contact might see its neighbour's
         // change, depending on their order here.
         for some in crossings.chunks(LANES) {
-            changes.push(self.gather(some).changes(simd));
+            let contacts = self.gather(some);
+            changes.push(contacts.changes(simd));
+            if let (Some(kept), Some(changes)) = (&mut self.kept, changes.last()) {
+                kept.crossed(some, &contacts, changes);
+            }
         }
         for (some, changes) in crossings.chunks(LANES).zip(&changes) {
             for (index, &(contact, lane)) in some.iter().enumerate() {
@@ -602,6 +611,19 @@ impl Group<'_> {
         }
     }
 
+    /// Keeps the step, if steps are kept.
+    fn keep(&mut self, time: Eight, allowed: &Eight) {
+        let Some(kept) = &mut self.kept else { return };
+        let mut length = self.length;
+        length
+            .0
+            .iter_mut()
+            .zip(allowed.0)
+            .for_each(|(length, allowed)| *length *= allowed);
+        let GroupMotion { u, v, x, w } = &self.now;
+        kept.take((time, length), (&self.runs, [u, v]), (&self.guests, [x, w]));
+    }
+
     /// Searches the step for the greatest forces, in these lanes.
     fn find_peaks(&mut self, before: &Eight, allowed: &Eight) {
         let threshold = &self.constants.threshold.0;
@@ -624,6 +646,13 @@ impl Group<'_> {
                     ]
                 };
                 let ends = (overlap(&self.now, 0), overlap(&self.next, END));
+                if let Some(kept) = &mut self.kept {
+                    kept.searched(KeptOverlap {
+                        contact: far,
+                        lane,
+                        ends: ends.into(),
+                    });
+                }
                 let contact = model.contact(far);
                 peaks.search(lane, &contact, (before.0[lane], length), ends);
             }
@@ -654,7 +683,7 @@ fn change<S: Wide>(simd: S, of: &[Eight], contact: usize) -> Vector<S> {
 
 /// Returns displacement and velocity at a stage.
 #[inline(always)]
-fn moved<S: Wide, const STAGE: usize>(
+pub(super) fn moved<S: Wide, const STAGE: usize>(
     simd: S,
     (u, v): (Vector<S>, Vector<S>),
     rates: &StageRates,

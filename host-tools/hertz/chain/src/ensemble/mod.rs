@@ -9,21 +9,25 @@
 //! an intruder is computed once for chains that differ in their intruders alone ([`prefix`]). Other chains
 //! run one by one, as does a chain that does not reach its end in a group.
 
+mod backwards;
 mod chain;
 mod crossing;
 mod eight;
 mod group;
+mod kept;
 pub(crate) mod method;
 mod outcome;
 mod peak;
 mod prefix;
 mod together;
+mod turn;
 
 use std::collections::HashSet;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::prelude::*;
 
+pub(crate) use self::backwards::{ChainSlopes, EndSlopes};
 use self::chain::ChainShape;
 pub use self::outcome::EnsembleOutcome;
 pub(crate) use self::prefix::Prefixes;
@@ -151,6 +155,37 @@ pub(crate) fn ensemble_on(
     found.extend(refused.map(|(index, error)| (index, Err(error.into()))));
     found.sort_by_key(|(index, _)| *index);
     found.into_iter().map(|(_, outcome)| outcome).collect()
+}
+
+/// Runs scenarios of one shape, and finds the derivatives of one number of each by the constants of its
+/// chain, as [`together::run_and_back`] does. `None`: they have none, or cannot run in groups.
+pub(crate) fn slopes_on(
+    scenarios: &[Scenario],
+    peaks: &[usize],
+    prefixes: &Prefixes,
+    ends: &(dyn Fn(&EnsembleOutcome) -> Option<EndSlopes> + Sync),
+) -> Option<Vec<(EnsembleOutcome, ChainSlopes)>> {
+    let models = scenarios.iter().map(|scenario| Model::of(scenario).ok());
+    let models = models.collect::<Option<Vec<Model>>>()?;
+    let members = models.iter().zip(scenarios).enumerate();
+    let members = members.map(|(index, (model, scenario))| {
+        let (time, start) = (scenario.duration, None);
+        let member = GroupMember {
+            index,
+            model,
+            time,
+            start,
+        };
+        together::suits(model, time).then(|| (ChainShape::of(model), member))
+    });
+    let mut members = members.collect::<Option<Vec<_>>>()?;
+    prefixes.share(&mut members, peaks);
+    let groups = members.par_chunks(eight::LANES).map(|group| {
+        let members: Vec<&GroupMember<'_>> = group.iter().map(|(_, member)| member).collect();
+        together::run_and_back(&group[0].0, &members, peaks, ends)
+    });
+    let groups = groups.collect::<Option<Vec<_>>>()?;
+    Some(groups.into_iter().flatten().collect())
 }
 
 /// Accuracy of chains that run one by one.

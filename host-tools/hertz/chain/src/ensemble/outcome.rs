@@ -35,6 +35,16 @@ impl EnsembleOutcome {
         self
     }
 
+    /// The same end of another chain.
+    pub(crate) fn on(&self, model: Model) -> Self {
+        let model = Arc::new(model);
+        Self {
+            model,
+            ..self.clone()
+        }
+        .balanced()
+    }
+
     /// Masses, contacts and intruders of the chain.
     pub fn model(&self) -> &Model {
         &self.model

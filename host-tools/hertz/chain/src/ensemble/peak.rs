@@ -71,7 +71,7 @@ fn force_rate(contact: &Contact, [overlap, rate, bend]: PlaceState) -> f64 {
 }
 
 /// Coefficients of the polynomial of the part of a step with these values at its ends.
-fn polynomial(length: f64, start: PlaceState, end: PlaceState) -> [f64; 6] {
+pub(super) fn polynomial(length: f64, start: PlaceState, end: PlaceState) -> [f64; 6] {
     let (h, square) = (length, length * length);
     let (p0, p1, p2) = (start[0], start[1] * h, 0.5 * start[2] * square);
     let (place, rate) = (end[0] - p0 - p1 - p2, end[1] * h - p1 - 2.0 * p2);
@@ -87,7 +87,7 @@ fn polynomial(length: f64, start: PlaceState, end: PlaceState) -> [f64; 6] {
 }
 
 /// Value and slope of a polynomial of the part of a step.
-fn at(polynomial: &[f64; 6], x: f64) -> (f64, f64) {
+pub(super) fn at(polynomial: &[f64; 6], x: f64) -> (f64, f64) {
     let (mut value, mut slope) = (0.0, 0.0);
     for coefficient in polynomial.iter().rev() {
         slope = slope * x + value;

@@ -2,8 +2,10 @@
 
 use std::sync::Arc;
 
+use super::backwards::{ChainSlopes, EndSlopes, back};
 use super::chain::{ChainShape, Constants, fewest_steps};
 use super::group::{Group, GroupMotion, SavedChain};
+use super::kept::KeptSteps;
 use super::outcome::EnsembleOutcome;
 use crate::model::Model;
 use crate::summary::ContactPeak;
@@ -107,19 +109,49 @@ pub(super) fn run(
     }
     let stuck = group.run();
     let outcome = |(lane, member): (usize, &&GroupMember<'_>)| {
-        (!stuck[lane]).then(|| {
-            let outcome = EnsembleOutcome {
-                model: Arc::new(member.model.clone()),
-                time: member.time,
-                state: state(shape, member.model, &group, lane),
-                peaks: greatest(&group, lane),
-                strokes: group.strokes.iter().map(|stroke| stroke.0[lane]).collect(),
-                steps: group.tries[lane],
-            };
-            outcome.balanced()
-        })
+        (!stuck[lane]).then(|| outcome(shape, member, &group, lane))
     };
     members.iter().enumerate().map(outcome).collect()
+}
+
+/// Runs up to eight chains to their ends and back. `ends` gives the derivatives of a number of each by its
+/// end, which may need the greatest force of one contact. `None`: one got stuck, or has no such number.
+pub(super) fn run_and_back(
+    shape: &ChainShape,
+    members: &[&GroupMember<'_>],
+    peaks: &[usize],
+    ends: &(dyn Fn(&EnsembleOutcome) -> Option<EndSlopes> + Sync),
+) -> Option<Vec<(EnsembleOutcome, ChainSlopes)>> {
+    let eight = Eightfold::new(shape, members, peaks);
+    let mut group = eight.group(shape);
+    group.kept = Some(KeptSteps::default());
+    for (lane, member) in members.iter().enumerate() {
+        if let Some(start) = &member.start {
+            group.start_lane(lane, start);
+        }
+    }
+    if group.run().contains(&true) {
+        return None;
+    }
+    let outcomes = members.iter().enumerate();
+    let outcomes: Vec<_> = outcomes
+        .map(|(lane, member)| outcome(shape, member, &group, lane))
+        .collect();
+    let ends = outcomes.iter().map(ends).collect::<Option<Vec<EndSlopes>>>()?;
+    let slopes = back(&mut group, &ends);
+    Some(outcomes.into_iter().zip(slopes).collect())
+}
+
+fn outcome(shape: &ChainShape, member: &GroupMember<'_>, group: &Group<'_>, lane: usize) -> EnsembleOutcome {
+    let outcome = EnsembleOutcome {
+        model: Arc::new(member.model.clone()),
+        time: member.time,
+        state: state(shape, member.model, group, lane),
+        peaks: greatest(group, lane),
+        strokes: group.strokes.iter().map(|stroke| stroke.0[lane]).collect(),
+        steps: group.tries[lane],
+    };
+    outcome.balanced()
 }
 
 /// The state of one lane, without the losses in contacts and the momentum of the wall.

@@ -5,13 +5,21 @@ use std::cell::RefCell;
 use slsqp::{FailStatus, StopTols, SuccessStatus};
 
 use super::bounds::{Bounds, excess, overreaches};
+use super::design::Design;
 use super::objective::Objective;
 use super::problem::{DesignValues, Problem, TriedDesign};
+use super::search::Search;
 use super::variables::Variables;
 use crate::simulate::SimulateError;
 
 /// Gradients in vain after which a descent ends: between kinks it can wander without an end.
 const PATIENCE: usize = 30;
+/// Gradients over whose gain a descent that keeps all limits is judged, and the gain below which it ends.
+const WINDOW: usize = 10;
+const GAINED: f64 = 1e-6;
+/// Such gains that a descent may be above its rival. Its last part takes some 30 gradients for each power of
+/// ten, so it can hardly hope for more than one.
+const HOPE: f64 = 3.0;
 /// Relative change of the share below which a descent ends.
 const SETTLED: f64 = 1e-9;
 /// Shares are smooth to this, so a share so little above its bound is at it.
@@ -21,8 +29,6 @@ const OVERREACH_MOST: f64 = 100.0;
 /// Factor of a mean that a descent makes small. The method takes its curvature for 1 at first; in these
 /// variables that of a share is some tenth, and where the method overrates it, its steps are too short.
 const SCALE: f64 = 10.0;
-/// Least gain for which a descent is restarted from its end, without its estimate of the curvature.
-const GAINED: f64 = 1e-6;
 
 /// Number that a descent makes small.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -34,49 +40,31 @@ enum Aspect {
 }
 
 impl Problem<'_> {
-    /// Improves a design until no design near it is better, or until `most` evaluations have been made.
-    /// Intruders stay alike if the design has one entry. `bounds` has an entry for each of the design, or one
-    /// for all.
+    /// Improves a design until no design near it is better, until `most` evaluations have been made, or until
+    /// there is no hope that it will be better than one with the value `rival`. Intruders stay alike if the
+    /// design has one entry. `bounds` has an entry for each of the design, or one for all.
     pub(super) fn descend(
         &self,
         start: TriedDesign,
         bounds: &[Bounds],
         most: usize,
+        rival: f64,
     ) -> Result<TriedDesign, SimulateError> {
         let mut sofar = self.sofar.get();
         sofar.descents += 1;
         self.tell(sofar);
         let full = sofar.evaluations + most.min(self.left());
-        let best = self.improve(start, bounds, full, Aspect::Value)?;
+        let to = |start, aspect| self.follow_down(start, bounds, (full, rival), aspect);
+        let best = to(start, Aspect::Value)?;
         if best.excess == 0.0 || !best.settled {
             return Ok(best);
         }
         // A method that walks along its constraints can fail to find where all of them hold.
-        let within = self.improve(best, bounds, full, Aspect::Overreach)?;
+        let within = to(best, Aspect::Overreach)?;
         if within.excess > 0.0 || !within.settled {
             return Ok(within);
         }
-        self.improve(within, bounds, full, Aspect::Value)
-    }
-
-    /// Repeats the method from its end until that gains nothing.
-    fn improve(
-        &self,
-        start: TriedDesign,
-        bounds: &[Bounds],
-        full: usize,
-        aspect: Aspect,
-    ) -> Result<TriedDesign, SimulateError> {
-        let mut best = start;
-        loop {
-            let before = (best.excess, best.value);
-            best = self.follow_down(best, bounds, full, aspect)?;
-            let gained = before.0 - best.excess >= GAINED
-                || (best.excess == before.0 && before.1 - best.value >= GAINED);
-            if !best.settled || !gained {
-                return Ok(best);
-            }
-        }
+        to(within, Aspect::Value)
     }
 
     /// Returns the parts of which a descent makes the greatest small, for these values of a design.
@@ -105,7 +93,7 @@ impl Problem<'_> {
         &self,
         start: TriedDesign,
         bounds: &[Bounds],
-        full: usize,
+        (full, rival): (usize, f64),
         aspect: Aspect,
     ) -> Result<TriedDesign, SimulateError> {
         let variables = Variables::new(self.search, bounds, start.design.intruders.len());
@@ -127,10 +115,12 @@ impl Problem<'_> {
             variables: &variables,
             bounds,
             most: full,
+            rival,
             best: start,
             full: false,
             lost: false,
             in_vain: 0,
+            bests: Vec::new(),
             failed: None,
             known: None,
         });
@@ -245,12 +235,17 @@ fn minimised(
     }
 }
 
+/// Places to either side of one in a variable, and their distance in it.
+type Beside = ([Vec<f64>; 2], f64);
+/// Values there.
+type ValuesBeside = ([DesignValues; 2], f64);
+
 /// Values at a place of the variables, and on demand beside it.
 struct KnownValues {
     x: Vec<f64>,
     values: DesignValues,
     /// Of each variable: the values to either side, and their distance in it.
-    beside: Option<Vec<([DesignValues; 2], f64)>>,
+    beside: Option<Vec<ValuesBeside>>,
 }
 
 /// State of a descent, which the objective function cannot return.
@@ -260,6 +255,8 @@ struct Descent<'a> {
     bounds: &'a [Bounds],
     /// Most evaluations of the whole search.
     most: usize,
+    /// Value of the design that is to be beaten.
+    rival: f64,
     best: TriedDesign,
     /// True once the evaluations are spent or the search was asked to stop.
     full: bool,
@@ -267,6 +264,8 @@ struct Descent<'a> {
     lost: bool,
     /// Gradients since the best design was found.
     in_vain: usize,
+    /// The best value at each gradient since all limits are kept.
+    bests: Vec<f64>,
     failed: Option<SimulateError>,
     /// The last place: objective and constraints ask for the same one in turn.
     known: Option<KnownValues>,
@@ -321,8 +320,7 @@ impl Descent<'_> {
         } else {
             Vec::new()
         };
-        let mut tried = self.try_at(x, &beside)?.into_iter();
-        let here = tried.next()?;
+        let (here, beside) = self.try_at(x, beside)?;
         let problem = self.problem;
         let found = TriedDesign {
             design: self.variables.design(x),
@@ -339,29 +337,64 @@ impl Descent<'_> {
             self.in_vain += 1;
             self.lost |= self.in_vain >= PATIENCE;
         }
-        let pair = |(_, apart): &([Vec<f64>; 2], f64)| Some(([tried.next()?, tried.next()?], *apart));
-        let beside = with_slopes.then(|| beside.iter().map_while(pair).collect());
+        if with_slopes && self.best.excess == 0.0 {
+            self.judge();
+        }
         Some(KnownValues {
             x: x.to_vec(),
             values: here,
-            beside,
+            beside: with_slopes.then_some(beside),
         })
     }
 
-    /// Returns the values at `x`, then beside it; `None` if the descent is over.
-    fn try_at(&mut self, x: &[f64], beside: &[([Vec<f64>; 2], f64)]) -> Option<Vec<DesignValues>> {
-        let made = self.problem.sofar.get().evaluations;
-        self.full |= made + 1 + 2 * beside.len() > self.most;
+    /// Ends a descent that gains next to nothing any more, or too little to beat its rival.
+    fn judge(&mut self) {
+        let best = self.best.value;
+        self.bests.push(best);
+        if let Some(before) = self.bests.iter().nth_back(WINDOW) {
+            let gain = before - best;
+            self.lost |= gain < GAINED || best - self.rival > HOPE * gain;
+        }
+    }
+
+    /// Returns the values at `x`, and beside it; `None` if the descent is over.
+    fn try_at(&mut self, x: &[f64], beside: Vec<Beside>) -> Option<(DesignValues, Vec<ValuesBeside>)> {
         self.lost |= !x.iter().all(|x| x.is_finite());
         if self.is_over() {
             return None;
         }
-        let beside = beside.iter().flat_map(|(pair, _)| pair).map(Vec::as_slice);
-        let all = std::iter::once(x).chain(beside);
-        let designs: Vec<_> = all.map(|x| self.variables.design(x)).collect();
+        let made = self.problem.sofar.get().evaluations;
         let strokes = self.bounds.iter().any(|bounds| bounds.stroke.is_finite());
+        let design = |x: &Vec<f64>| self.variables.design(x);
+        let here = self.variables.design(x);
+        let pairs: Vec<[Design; 2]> = beside
+            .iter()
+            .map(|(pair, _)| pair.each_ref().map(design))
+            .collect();
+        let exact = !beside.is_empty() && !strokes;
+        if exact && made + Search::GRADIENT_RUNS > self.most {
+            self.full = true;
+            return None;
+        }
+        if exact && let Some((here, values)) = self.problem.try_around(&here, &pairs) {
+            let beside = values
+                .into_iter()
+                .zip(beside)
+                .map(|(values, (_, apart))| (values, apart));
+            return Some((here, beside.collect()));
+        }
+        self.full |= made + 1 + 2 * beside.len() > self.most;
+        if self.is_over() {
+            return None;
+        }
+        let designs: Vec<Design> = std::iter::once(here).chain(pairs.into_iter().flatten()).collect();
         match self.problem.try_designs(&designs, strokes) {
-            Ok(values) if values.len() == designs.len() => Some(values),
+            Ok(values) if values.len() == designs.len() => {
+                let mut values = values.into_iter();
+                let here = values.next()?;
+                let pair = |(_, apart)| Some(([values.next()?, values.next()?], apart));
+                Some((here, beside.into_iter().map_while(pair).collect()))
+            }
             Ok(_) => {
                 self.full = true;
                 None

@@ -50,8 +50,11 @@ pub struct Optimum {
     pub springs: Option<SpringChoice>,
     /// The worst value under the search's spread, beside that of the plain optimum. `None` without a spread.
     pub robustness: Option<Robustness>,
-    /// Number of designs tried.
+    /// Runs made, one for each design tried. A gradient that is exact counts as the
+    /// [`Search::GRADIENT_RUNS`] that it takes as long as.
     pub evaluations: usize,
+    /// Exact gradients among them.
+    pub gradients: usize,
     /// True if the search ended by itself: nothing better was near this design, and [`Optimum::in_vain`]
     /// descents in succession from elsewhere found nothing better either. If not, it spent its evaluations or
     /// was stopped.
@@ -103,7 +106,7 @@ impl Optimum {
 }
 
 /// Descents in vain after which a search ends.
-const IN_VAIN: usize = 3;
+const IN_VAIN: usize = 6;
 /// Least gain of a useful descent, in the share.
 const GAINED: f64 = 1e-6;
 
@@ -133,6 +136,7 @@ pub fn optimise(
     let chosen = Problem::new(scenario, search, watch)?.choose_hosts(most)?;
     let mut found = in_all_hosts(scenario, &chosen.search, Some(chosen.design), watch)?;
     found.evaluations += chosen.sofar.evaluations;
+    found.gradients += chosen.sofar.gradients;
     found.descents += chosen.sofar.descents;
     found.settled &= chosen.settled;
     Ok(found)
@@ -164,6 +168,7 @@ fn in_all_hosts(
             share_searched: plain_worst,
             share_alike: robust.share_alike,
             evaluations: robust.evaluations,
+            gradients: robust.gradients,
             settled: robust.settled,
             descents: robust.descents,
             in_vain: robust.in_vain,
@@ -262,7 +267,8 @@ impl Problem<'_> {
         let (mut in_vain, mut number) = (0, 0);
         while in_vain < IN_VAIN && self.left() > 0 && !self.stopped.get() {
             number += 1;
-            let found = self.descend(self.restart(best, number), &[self.bounds], self.left())?;
+            let start = self.restart(best, number);
+            let found = self.descend(start, &[self.bounds], self.left(), best.rival())?;
             // A descent whose evaluations were spent had no chance.
             let settled = found.settled;
             let gained = found.excess < best.excess || found.value < best.value - GAINED;
@@ -283,11 +289,12 @@ impl Problem<'_> {
         let most = self.left() / if search.alike { 1 } else { 8 };
         let mut best = coarse[0].clone();
         for start in coarse {
-            take(&mut best, self.descend(start, &bounds, most)?);
+            take(&mut best, self.descend(start, &bounds, most, f64::INFINITY)?);
         }
         let share_alike = best.value;
         if let Some(first) = first {
-            let found = self.descend(TriedDesign::untried(first), &bounds, self.left() / 4)?;
+            let (first, most) = (TriedDesign::untried(first), self.left() / 4);
+            let found = self.descend(first, &bounds, most, f64::INFINITY)?;
             take(&mut best, found);
         }
         if !alone {
@@ -295,11 +302,13 @@ impl Problem<'_> {
             let starts = self.starts(&best);
             for (index, start) in starts.iter().enumerate() {
                 let most = self.left() * 2 / 3 / (starts.len() - index);
-                take(&mut best, self.descend(start.clone(), &bounds, most)?);
+                let found = self.descend(start.clone(), &bounds, most, best.rival())?;
+                take(&mut best, found);
             }
         }
         let in_vain = self.try_elsewhere(&mut best)?;
         self.check_strokes(&best)?;
+        let share_alike = if alone { best.value } else { share_alike };
         let mut found = Found {
             settled: best.settled && in_vain == IN_VAIN,
             best,
@@ -378,6 +387,7 @@ impl Problem<'_> {
             springs: found.springs,
             robustness: None,
             evaluations: self.sofar.get().evaluations,
+            gradients: self.sofar.get().gradients,
             settled: found.settled,
             descents: self.sofar.get().descents,
             in_vain: found.in_vain,

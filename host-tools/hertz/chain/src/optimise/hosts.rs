@@ -86,14 +86,14 @@ impl Problem<'_> {
         let mut starts = self.coarse()?;
         let mut best = starts.swap_remove(0);
         for start in std::iter::once(best.clone()).chain(starts) {
-            let found = self.descend(start, &bounds, self.left() / 8)?;
+            let found = self.descend(start, &bounds, self.left() / 8, f64::INFINITY)?;
             if found.is_better_than(&best) {
                 best = found;
             }
         }
         if !self.search.alike && self.hosts.len() > 1 {
             let start = self.starts(&best).swap_remove(0);
-            let found = self.descend(start, &bounds, self.left() / 4)?;
+            let found = self.descend(start, &bounds, self.left() / 4, f64::INFINITY)?;
             if found.is_better_than(&best) {
                 best = found;
             }
@@ -125,7 +125,7 @@ impl Problem<'_> {
             (hosts, TriedDesign::untried(design))
         });
         let best = self.in_hosts(&hosts, |problem| {
-            problem.descend(start, &[problem.bounds], problem.left() / 4)
+            problem.descend(start, &[problem.bounds], problem.left() / 4, f64::INFINITY)
         })?;
         Ok(Hosted { hosts, best })
     }
@@ -163,7 +163,7 @@ impl Problem<'_> {
                 continue;
             }
             let found = self.in_hosts(&hosts, |problem| {
-                problem.descend(start, &[problem.bounds], problem.left())
+                problem.descend(start, &[problem.bounds], problem.left(), now.best.rival())
             })?;
             let best = &now.best;
             if found.excess < best.excess

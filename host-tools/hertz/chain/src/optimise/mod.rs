@@ -12,11 +12,13 @@
 //! radius are searched as logarithms and masses as they are, which makes the bound on their sum linear. First
 //! all intruders are alike, and the best design of a grid is improved. Then each intruder varies by itself,
 //! starting from there, from stiffnesses that rise or fall along the hosts by `RAMP`, and from fresh starts
-//! about the best, until three in succession find nothing better. Derivatives are differences of runs to
-//! either side, all in one [`ensemble`](crate::ensemble()), whose shares are smooth to some 1e-7: over two
-//! steps of `STEP` this is 3e-5 of a derivative. Exact [tangents](crate::tangents) take ten times as long: by
-//! 30 variables of ten hosts in 60 beads, 86 ms of a core at draft accuracy, where the ensemble's 61 runs
-//! take 7.5 ms. A descent is Kraft's SLSQP, restarted at its end until that gains nothing.
+//! about the best, until six in succession find nothing better. A descent is Kraft's SLSQP. It ends when ten
+//! gradients gain next to nothing, or too little to come below the best.
+//!
+//! All derivatives of a value come from one run of a group back from its end (`slopes.rs`), which takes as
+//! long as [`Search::GRADIENT_RUNS`] runs: a twentieth of what differences to both sides of thirty variables
+//! do. Strokes, and chains that do not run in groups, have differences of runs to either side, whose shares
+//! are smooth to some 1e-7: over two steps of `STEP` this is 3e-5 of a derivative.
 //!
 //! Limits on strokes are constraints of the descents, on the logarithm of each stroke over its limit. A
 //! design that breaks one is worse than any that breaks none. Choices of springs and hosts are exchanged one
@@ -36,6 +38,7 @@ mod objective;
 mod problem;
 mod remaining;
 mod search;
+mod slopes;
 mod spread;
 mod springs;
 mod variables;

@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::error::OptimiseError;
 use super::remaining::{given, struck_at};
-use crate::ensemble::{EnsembleOptions, EnsembleOutcome, single};
+use crate::ensemble::{EndSlopes, EnsembleOptions, EnsembleOutcome, single};
 use crate::model::Model;
 use crate::options::{Accuracy, SimulateError};
 use crate::scenario::{InputError, Scenario};
@@ -81,6 +81,84 @@ impl Objective {
             }
             Self::Impulse(contact) => outcome.end().impulse(contact),
         })
+    }
+
+    /// Derivatives of its value by the end of a run; `None` if no energy was given.
+    pub(super) fn slopes(self, outcome: &EnsembleOutcome) -> Option<EndSlopes> {
+        let (model, end) = (outcome.model(), outcome.end());
+        let (layout, mut state) = (model.layout(), vec![0.0; end.state.len()]);
+        let mut peak = 0.0;
+        let last = model.bodies() - 1;
+        match self {
+            Self::Remaining => {
+                let injected = outcome.injected();
+                if injected <= 0.0 {
+                    return None;
+                }
+                let share = outcome.absorbed() / injected;
+                let striker = layout.velocity(0);
+                state[striker] = -share / injected * model.mass(0) * end.state[striker];
+                let intruders = 0..model.intruders().len();
+                intruders.for_each(|number| state[layout.intruder_loss(number)] = -1.0 / injected);
+            }
+            Self::Force(_) => peak = 1.0,
+            Self::EnergyBehind(bead) => {
+                for body in bead + 1..=last {
+                    state[layout.velocity(body)] = model.shells[body] * end.state[layout.velocity(body)];
+                }
+                for contact in bead + 1..=model.contacts() {
+                    let force = model
+                        .contact_at(contact)
+                        .elastic_force(model.overlap(&end.state, contact).0);
+                    state[contact - 1] += force;
+                    if contact <= last {
+                        state[contact] -= force;
+                    }
+                }
+                for (number, intruder) in model.intruders().iter().enumerate() {
+                    if intruder.bead > bead {
+                        let (place, rate) = (layout.relative(number), layout.relative_velocity(number));
+                        let velocity = layout.velocity(intruder.bead);
+                        let momentum = intruder.oscillator.mass * (end.state[velocity] + end.state[rate]);
+                        state[velocity] += momentum;
+                        state[rate] = momentum;
+                        state[place] = intruder.oscillator.stiffness * end.state[place];
+                    }
+                }
+            }
+            Self::Impulse(contact) => {
+                // A wall has what the bodies before the contact have lost.
+                let walled = layout.wall_impulse().is_some();
+                let (sign, bodies) = if walled {
+                    (-1.0, 0..contact)
+                } else {
+                    (1.0, contact..last + 1)
+                };
+                for body in bodies.clone() {
+                    state[layout.velocity(body)] = sign * model.mass(body);
+                }
+                for (number, intruder) in model.intruders().iter().enumerate() {
+                    if bodies.contains(&intruder.bead) {
+                        state[layout.relative_velocity(number)] = sign * intruder.oscillator.mass;
+                    }
+                }
+            }
+        }
+        Some(EndSlopes { state, peak })
+    }
+
+    /// Its change from one chain to another with the same end of a run.
+    pub(super) fn change(
+        self,
+        struck: &Scenario,
+        outcome: &EnsembleOutcome,
+        [from, to]: [&Model; 2],
+    ) -> Result<f64, InputError> {
+        if matches!(self, Self::Remaining | Self::Force(_)) {
+            return Ok(0.0);
+        }
+        let of = |model: &Model| self.of(struck, &outcome.on(model.clone()));
+        Ok(of(to)? - of(from)?)
     }
 
     /// Its value without intruders, by which a search divides, so that all objectives are parts of one.

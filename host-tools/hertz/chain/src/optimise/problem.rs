@@ -19,10 +19,12 @@ use crate::simulate::{Accuracy, SimulateError};
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[non_exhaustive]
 pub struct SearchProgress {
-    /// Designs tried.
+    /// Runs made, as [`Optimum::evaluations`](crate::Optimum::evaluations) counts them.
     pub evaluations: usize,
     /// The least value of the objective among them, as a part of that without intruders.
     pub best: Option<f64>,
+    /// Exact gradients among them.
+    pub gradients: usize,
     /// Descents begun.
     pub descents: usize,
 }
@@ -52,6 +54,15 @@ impl TriedDesign {
         }
     }
 
+    /// Value that another design must beat; infinite if any is better that keeps the limits on strokes.
+    pub(super) fn rival(&self) -> f64 {
+        if self.excess == 0.0 {
+            self.value
+        } else {
+            f64::INFINITY
+        }
+    }
+
     /// Compares two designs: limits on strokes go before the objective.
     pub(super) fn is_better_than(&self, other: &Self) -> bool {
         self.excess < other.excess || (self.excess == other.excess && self.value < other.value)
@@ -69,8 +80,8 @@ pub(super) struct DesignValues {
 
 /// Stiffnesses of a ramp go from 1/RAMP at one end of the hosts to RAMP at the other.
 const RAMP: f64 = 4.0;
-/// Factors by which fresh starts differ from the best design, in turn: small, for a valley left too early.
-const APART: [f64; 3] = [1.3, 2.0, 4.0];
+/// Factors by which fresh starts differ from the best design, in turn.
+const APART: [f64; 4] = [1.5, 2.0, 4.0, 3.0];
 /// Bodies of the chains computed at once, between checks for a stop: 80 MB.
 const TOGETHER: usize = 1 << 19;
 /// Least designs computed at once, for any length of chain: enough to share the wave's way to the first host.

@@ -50,8 +50,9 @@ pub struct Search {
     pub spread: Spread,
     /// True if all intruders are to be alike.
     pub alike: bool,
-    /// Most designs to try, each at every speed and corner of the spread. A spread allows as many before for
-    /// the optimum without it, a choice of hosts as many for that, and a catalogue for the choice of springs.
+    /// Most designs to try, each at every speed and corner of the spread, where a gradient counts as
+    /// [`Search::GRADIENT_RUNS`]. A spread allows as many before for the optimum without it, a choice of hosts
+    /// as many for that, and a catalogue for the choice of springs.
     pub evaluations: usize,
 }
 
@@ -79,6 +80,9 @@ impl Aim {
 impl Search {
     /// Most hosts: a derivative takes six designs a host, each of which names all of them.
     pub const HOSTS_MOST: usize = 1000;
+
+    /// Runs without derivatives that take as long as one with all of them, as measured.
+    pub const GRADIENT_RUNS: usize = 4;
 
     /// A search with bounds taken from the chain. Masses go up to half the lightest host. Stiffness and
     /// damping go from far below to far above M ω² and M ω, the values that answer to a strike: M is the

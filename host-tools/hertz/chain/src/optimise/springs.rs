@@ -115,7 +115,8 @@ impl Problem<'_> {
             .iter()
             .map(|&spring| self.bounds.with(springs[spring]))
             .collect();
-        self.descend(TriedDesign::untried(start.design.clone()), &bounds, self.left())
+        let start = TriedDesign::untried(start.design.clone());
+        self.descend(start, &bounds, self.left(), f64::INFINITY)
     }
 }
 
