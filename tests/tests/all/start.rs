@@ -192,12 +192,12 @@ fn the_clock_stands_still_while_a_sector_is_erased() {
         "a start that takes seconds is no hang"
     );
     // Two of the turns of the time driver's timer would be counted at most. The clock begins after the supply
-    // has been good, and what sends the first status lags by a block.
+    // has been good, with the processor at 16 MHz, and what sends the first status lags by a block.
     let first = answered.outcome.sampling.expect("it samples").first_ns;
     let status = answered.received.status();
     let missed = first / MS + status.samples / 100 - status.uptime_ms;
     println!("the clock has missed {missed} ms");
-    assert!((2015..2025).contains(&missed), "{missed} ms");
+    assert!((2020..2030).contains(&missed), "{missed} ms");
 }
 
 #[test]

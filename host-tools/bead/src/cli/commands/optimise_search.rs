@@ -115,8 +115,8 @@ pub(crate) struct Arguments {
     /// Make all intruders alike.
     #[arg(long)]
     pub(super) alike: bool,
-    /// Greatest number of designs to try, each at every velocity and corner of the spread, a gradient counting
-    /// as four; as many again for --spread, --catalogue and --hosts-at-most.
+    /// Greatest number of designs to try, each at every velocity and corner of the spread, a gradient
+    /// counting as four; as many again for --spread, --catalogue and --hosts-at-most.
     #[arg(long, value_name = "N", default_value_t = 200_000)]
     pub(super) evaluations: usize,
     /// Write the scenario with the intruders found to this file, for `bead simulate`.

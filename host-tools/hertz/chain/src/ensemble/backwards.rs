@@ -347,7 +347,8 @@ impl Group<'_> {
                 back.peak.0[lane] = 0.0;
             }
         }
-        // All changes were computed before any was applied: all derivatives by them come before any by others.
+        // All changes were computed before any was applied: all derivatives by them come before any by
+        // others.
         let by_changes = step.crossings.iter().map(|&KeptCrossing { overlap, change }| {
             let (contact, lane) = (overlap.contact, overlap.lane);
             let mut by_change = [0.0; 2];

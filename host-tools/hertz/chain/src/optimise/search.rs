@@ -51,8 +51,8 @@ pub struct Search {
     /// True if all intruders are to be alike.
     pub alike: bool,
     /// Most designs to try, each at every speed and corner of the spread, where a gradient counts as
-    /// [`Search::GRADIENT_RUNS`]. A spread allows as many before for the optimum without it, a choice of hosts
-    /// as many for that, and a catalogue for the choice of springs.
+    /// [`Search::GRADIENT_RUNS`]. A spread allows as many before for the optimum without it, a choice of
+    /// hosts as many for that, and a catalogue for the choice of springs.
     pub evaluations: usize,
 }
 

@@ -82,8 +82,8 @@ mod tests {
     use crate::optimise::variables::Variables;
     use crate::optimise::{Objective, Sizes, Spread};
 
-    /// Half the distance of differences. A share is smooth to some 1e-7, which is 3e-5 of a derivative then, and
-    /// bends by a few 1e-4.
+    /// Half the distance of differences. A share is smooth to some 1e-7, which is 3e-5 of a derivative then,
+    /// and bends by a few 1e-4.
     const STEP: f64 = 2e-3;
 
     /// In contacts that lose energy: without, a share bends too sharply where beads touch again.
