@@ -16,9 +16,9 @@
 //! gradients gain next to nothing, or too little to come below the best.
 //!
 //! All derivatives of a value come from one run of a group back from its end (`slopes.rs`), which takes as
-//! long as [`Search::GRADIENT_RUNS`] runs: a twentieth of what differences to both sides of thirty variables
-//! do. Strokes, and chains that do not run in groups, have differences of runs to either side, whose shares
-//! are smooth to some 1e-7: over two steps of `STEP` this is 3e-5 of a derivative.
+//! long as [`Search::GRADIENT_RUNS`] runs, each by itself. Differences to both sides of thirty variables are
+//! 61 runs, eight at once. Strokes, and chains that do not run in groups, have such differences. Shares are
+//! smooth to some 1e-7: over two steps of `STEP` this is 3e-5 of a derivative.
 //!
 //! Limits on strokes are constraints of the descents, on the logarithm of each stroke over its limit. A
 //! design that breaks one is worse than any that breaks none. Choices of springs and hosts are exchanged one

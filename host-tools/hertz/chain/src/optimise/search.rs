@@ -81,7 +81,8 @@ impl Search {
     /// Most hosts: a derivative takes six designs a host, each of which names all of them.
     pub const HOSTS_MOST: usize = 1000;
 
-    /// Runs without derivatives that take as long as one with all of them, as measured.
+    /// Runs without derivatives, each by itself, that take as long as one with all of them, as `cargo xtask
+    /// bench` measures.
     pub const GRADIENT_RUNS: usize = 4;
 
     /// A search with bounds taken from the chain. Masses go up to half the lightest host. Stiffness and
