@@ -34,7 +34,7 @@ pub(super) struct KeptOverlap {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct KeptCrossing {
     pub(super) overlap: KeptOverlap,
-    /// What it adds to displacement and velocity, times the mass of a body.
+    /// The change of displacement and velocity, times the mass of a body.
     pub(super) change: [f64; 2],
 }
 
