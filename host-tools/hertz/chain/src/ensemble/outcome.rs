@@ -35,7 +35,7 @@ impl EnsembleOutcome {
         self
     }
 
-    /// The same end of another chain.
+    /// This end in another chain.
     pub(crate) fn on(&self, model: Model) -> Self {
         let model = Arc::new(model);
         Self {
