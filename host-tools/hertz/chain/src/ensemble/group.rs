@@ -474,10 +474,9 @@ impl Group<'_> {
         // All changes are computed before any is applied. Otherwise a contact might see its neighbour's
         // change, depending on their order here.
         for some in crossings.chunks(LANES) {
-            let contacts = self.gather(some);
-            changes.push(contacts.changes(simd));
-            if let (Some(kept), Some(changes)) = (&mut self.kept, changes.last()) {
-                kept.crossed(some, &contacts, changes);
+            changes.push(self.gather(some).changes(simd));
+            if self.kept.is_some() {
+                self.keep_crossings(some, changes.last());
             }
         }
         for (some, changes) in crossings.chunks(LANES).zip(&changes) {
@@ -608,6 +607,15 @@ impl Group<'_> {
             let before = self.dissipated[guest].load(simd);
             let after = before + self.lost[guest].load(simd);
             self.dissipated[guest] = allowed.select(after, before).store();
+        }
+    }
+
+    /// Keeps what some contacts that open or close have changed.
+    #[cold]
+    fn keep_crossings(&mut self, some: &[(usize, usize)], changes: Option<&Changes>) {
+        let contacts = self.gather(some);
+        if let (Some(kept), Some(changes)) = (&mut self.kept, changes) {
+            kept.crossed(some, &contacts, changes);
         }
     }
 
