@@ -225,7 +225,9 @@ impl<S: Wide> NullaryFnOnce for GroupCall<'_, '_, S> {
             if !group.strokes.is_empty() {
                 group.lengthen_strokes(&allowed);
             }
-            group.keep(before, &allowed);
+            if group.kept.is_some() {
+                group.keep(before, &allowed);
+            }
             group.take(simd, &allowed);
         }
         stuck
@@ -619,7 +621,8 @@ impl Group<'_> {
         }
     }
 
-    /// Keeps the step, if steps are kept.
+    /// Keeps the step.
+    #[cold]
     fn keep(&mut self, time: Eight, allowed: &Eight) {
         let Some(kept) = &mut self.kept else { return };
         let mut length = self.length;
