@@ -178,22 +178,9 @@ impl Machine {
         part(value, address, bytes)
     }
 
-    /// Does what [`Self::read`] does, if that is nothing but to give a value: nothing has happened meanwhile,
-    /// and a read of this register has no effect. `None`, without an effect, otherwise.
-    pub fn read_quietly(&mut self, address: u32, bytes: u32, now: u64) -> Option<u32> {
-        if now >= self.next_event() {
-            return None;
-        }
-        let word = address & !3;
-        let (row, offset) = self.quiet.place(word)?;
-        let model = (row.model_mut)(&mut self.chip.units);
-        model.holds_until(offset, now)?;
-        let value = self
-            .chip
-            .is_clocked(row)
-            .then(|| (row.model_mut)(&mut self.chip.units).read(offset, now))?;
-        self.polls.accessed(word);
-        Some(part(value.ok()?, address, bytes))
+    /// Returns `true` if nothing has happened up to `now` that is not played yet.
+    pub fn is_quiet(&mut self, now: u64) -> bool {
+        now < self.next_event()
     }
 
     /// When the next event comes that needs no access.

@@ -126,13 +126,17 @@ impl Overlay {
         Some(self.recorder.blocks.as_ref()?.counters)
     }
 
-    /// The processor reads a register.
+    /// The processor reads a register. Most reads change nothing, so that nothing is due earlier or later
+    /// after them.
     pub(super) fn read(&mut self, address: u32, bytes: u32, qemu: &Qemu) -> u32 {
         let now = qemu.now();
-        if let Some(value) = self.machine.read_quietly(address, bytes, now) {
-            self.recorder.called();
-            self.now = now;
-            return value;
+        if self.machine.is_quiet(now) {
+            let mut outside = Outside(qemu, &mut self.recorder);
+            if let Some(read) = self.machine.read_steady(address, bytes, now, &mut outside) {
+                self.recorder.called();
+                self.now = now;
+                return read.value;
+            }
         }
         self.access(qemu, |machine, now, outside| {
             machine.read(address, bytes, now, outside)

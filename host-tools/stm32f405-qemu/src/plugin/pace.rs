@@ -109,4 +109,20 @@ mod tests {
             );
         }
     }
+
+    /// The interpreter counts on from any time, and QEMU goes on where it ends.
+    #[test]
+    fn after_some_instructions_both_times_are_each_others() {
+        for (hclk, ns) in [(16_000_000, 63), (100_000_000, 10), (168_000_000, 8)] {
+            let pace = Pace::new();
+            pace.follow(hclk, 8, || 1000);
+            for qemu_ns in 1000..1100 {
+                let now = pace.time(qemu_ns);
+                for n in 1..10 {
+                    assert_eq!(pace.time(qemu_ns + 8 * n), now + ns * n);
+                    assert_eq!(pace.qemu_time(now + ns * n), qemu_ns + 8 * n);
+                }
+            }
+        }
+    }
 }
