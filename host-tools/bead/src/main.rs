@@ -10,7 +10,7 @@ fn main() -> ExitCode {
     match Cli::typed().run() {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            bead::cli::output::note(format_args!("{failure}"));
+            bead_console::output::note(format_args!("{failure}"));
             ExitCode::from(&failure)
         }
     }

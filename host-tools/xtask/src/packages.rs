@@ -13,7 +13,7 @@ pub(crate) const HOST: &str = "--workspace --exclude bead-firmware --exclude bea
 pub(crate) const PUBLISHED: &str = "-p bead-crc -p hertz-chain -p stm32f405-qemu -p bead-model -p bead-wire \
     -p bead-store -p bead-update -p hertz-charts -p hertz-figures -p hertz-sweep -p bead-tables -p bead-recording -p bead-line -p bead-monitor \
     -p bead-instrument -p bead-compare -p bead-spectra -p bead-logbook -p bead-limits -p bead-calibrate -p bead-identify \
-    -p bead-bench -p absorber-bead";
+    -p bead-bench -p bead-console -p hertz-commands -p absorber-bead";
 
 /// The flash image, as cargo builds it.
 pub(crate) const IMAGE: &str = "--profile firmware --target thumbv7em-none-eabihf -p bead-firmware";

@@ -10,8 +10,8 @@ use bead_tables::printable::first_of;
 use clap::Args;
 use indicatif::ProgressBar;
 
-use crate::cli::failure::Failure;
 use crate::cli::recordings::open_all;
+use bead_console::failure::Failure;
 
 /// Strikes that a line names.
 const NAMED: usize = 4;

@@ -8,9 +8,9 @@ use bead_logbook::index::Logbook;
 use bead_wire::StrikeFlags;
 use clap::Args;
 
-use crate::cli::beads::BeadNumbers;
-use crate::cli::failure::Failure;
-use crate::cli::output;
+use bead_console::beads::BeadNumbers;
+use bead_console::failure::Failure;
+use bead_console::output;
 
 /// Folders, and which of their recordings are wanted.
 #[derive(Debug, Args)]

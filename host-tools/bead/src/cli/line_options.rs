@@ -6,7 +6,7 @@ use std::time::Duration;
 use bead_wire::ANY;
 use clap::Args;
 
-use crate::cli::failure::Failure;
+use bead_console::failure::Failure;
 use bead_line::conversation::Conversation;
 use bead_line::key;
 use bead_line::port::Address;
@@ -26,7 +26,7 @@ pub(crate) struct LineOptions {
     #[arg(long, default_value_t = 2_000_000, value_parser = clap::value_parser!(u32).range(1..))]
     baud: u32,
     /// Time-out of a reply, s. A request is sent three times.
-    #[arg(long, value_name = "SECONDS", default_value = "1", value_parser = crate::cli::output::seconds_of_a_day)]
+    #[arg(long, value_name = "SECONDS", default_value = "1", value_parser = bead_console::output::seconds_of_a_day)]
     timeout: Duration,
     /// Sign what changes the bead's state with the key in this file. A bead that was given a key refuses it
     /// otherwise.

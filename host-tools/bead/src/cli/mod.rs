@@ -1,19 +1,10 @@
 //! The command line: the command tree, and below it the commands, their options and their output.
 
-// First, as the others use their macros.
-#[macro_use]
-pub mod failure;
-#[macro_use]
-pub mod output;
-
-mod beads;
 mod chosen;
 mod commands;
 mod folder_options;
-pub mod interrupt;
 mod line_options;
 mod note_options;
-pub mod place;
 mod printer;
 mod provenance;
 mod recordings;
@@ -24,12 +15,13 @@ mod words;
 use anyhow::Context;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
+use bead_console::failure::Failure;
+use bead_console::interrupt;
 use commands::{
     analyse, bench, budget, calibrate, clock, command, compare, decode, emulate, export, fetch, figures,
-    flash, identify, judge, list, manual, monitor, note, optimise, optimise_search, periodic, proof, record,
-    recover, replay, settings, simulate, sweep, trend,
+    flash, identify, judge, list, manual, monitor, note, proof, record, recover, replay, settings, trend,
 };
-use failure::Failure;
+use hertz_commands::{optimise, optimise_search, periodic, simulate, sweep};
 
 const AFTER_HELP: &str = "\
 Exit status: 0 done, 1 a check said no, 2 usage or input error, 3 device or emulator failure. Results go to \

@@ -4,8 +4,8 @@ use std::sync::mpsc::{self, SyncSender, TrySendError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-use crate::cli::failure::Failure;
-use crate::cli::output;
+use bead_console::failure::Failure;
+use bead_console::output;
 
 /// Lines that wait while the reader of standard output pauses. Those beyond are left out.
 const WAITING: usize = 4096;

@@ -10,8 +10,8 @@ use anyhow::Context;
 use chrono::{DateTime, Utc};
 use sha2::{Digest, Sha256};
 
-use crate::cli::failure::Failure;
 use bead_compare::report::Fact;
+use bead_console::failure::Failure;
 use bead_recording::json::hex;
 
 /// The command line, as it was typed.

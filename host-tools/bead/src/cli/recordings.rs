@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use anyhow::Context;
 use bead_recording::file::Recording;
 
-use crate::cli::failure::Failure;
+use bead_console::failure::Failure;
 
 /// Opens all of them, before anything is made of the first.
 ///

@@ -3,8 +3,6 @@
 use std::collections::BTreeMap;
 
 use bead_wire::Kind;
-use schemars::JsonSchema;
-use schemars::generate::SchemaSettings;
 use serde_json::{Value, json};
 
 use crate::cli::commands::analyse::report::AnalyseReport;
@@ -19,16 +17,16 @@ use crate::cli::commands::proof::coverage::CoverageProof;
 use crate::cli::commands::proof::identify::IdentifyProof;
 use crate::cli::commands::proof::spheres::SphereCell;
 use crate::cli::commands::{
-    budget, command, compare, fetch, flash, judge, list, note, optimise, optimise_front, periodic, recover,
-    replay, settings, simulate, sweep_cluster, sweep_work, trend,
+    budget, command, compare, fetch, flash, judge, list, note, recover, replay, settings, trend,
 };
 use bead_bench::loopback::BenchReport;
 use bead_bench::run::RunReport;
 use bead_bench::silent::SilentOutcome;
+use bead_console::schema::{described, of};
 use bead_identify::report::IdentifyReport;
 use bead_recording::clock::ClockComparison;
-use bead_recording::json::SCHEMA_VERSION;
 use bead_recording::schemas::{of_bodies, of_body, of_frames};
+use hertz_commands::{optimise, optimise_front, periodic, simulate, sweep_cluster, sweep_work};
 
 /// The schema of each result by its name, which is that of a file in docs/schemas.
 pub fn of_results() -> BTreeMap<&'static str, Value> {
@@ -102,27 +100,5 @@ pub fn of_results() -> BTreeMap<&'static str, Value> {
 fn of_lines(command: &str, kinds: &[Kind]) -> Value {
     let mut schema = of_frames(kinds);
     schema["title"] = format!("A line that `bead {command}` prints").into();
-    schema
-}
-
-/// The schema of what `bead COMMAND` prints, with the version that [`print`](super::output::print)
-/// puts into each object.
-pub fn of<T: JsonSchema>(command: &str) -> Value {
-    let generator = SchemaSettings::draft2020_12().for_serialize().into_generator();
-    described(generator.into_root_schema_for::<T>().into(), command)
-}
-
-/// Adds the title, and `schema_version` to the properties of the object, or of each object of a list.
-fn described(mut schema: Value, command: &str) -> Value {
-    schema["title"] = format!("Output of `bead {command}` as JSON").into();
-    let item = schema.pointer("/items/$ref").and_then(Value::as_str);
-    let item = item.map_or(String::new(), |item| item.trim_start_matches('#').to_owned());
-    let object = schema
-        .pointer_mut(&item)
-        .expect("a reference leads to a definition");
-    object["properties"]["schema_version"] = json!({ "const": SCHEMA_VERSION });
-    if let Value::Array(required) = &mut object["required"] {
-        required.push("schema_version".into());
-    }
     schema
 }

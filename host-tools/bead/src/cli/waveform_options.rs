@@ -4,8 +4,8 @@ use std::path::Path;
 
 use clap::Args;
 
-use crate::cli::failure::Failure;
-use crate::cli::output::positive;
+use bead_console::failure::Failure;
+use bead_console::output::positive;
 use bead_instrument::{Choice, Wanted, Waveform};
 
 /// Option that says what is in a file with a waveform.

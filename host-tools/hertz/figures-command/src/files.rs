@@ -4,8 +4,8 @@
 //! Each row of the data is one point, in the units of the axes. `panel` and `curve` say where the point
 //! belongs, `x_quantity` and `y_quantity` what it is.
 
-use bead::cli::failure::Failure;
-use bead::cli::place::FileKind;
+use bead_console::failure::Failure;
+use bead_console::place::FileKind;
 use bead_tables::whole::Target;
 use bead_tables::{Cell, Column, Writer};
 use hertz_charts::{Chart, Plate};

@@ -8,10 +8,10 @@ mod pixels;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use bead::cli::failure::Failure;
-use bead::cli::interrupt;
-use bead::cli::output::{self, Format};
-use bead::cli::place::{self, FileKind, Overwrite};
+use bead_console::failure::Failure;
+use bead_console::interrupt;
+use bead_console::output::{self, Format};
+use bead_console::place::{self, FileKind, Overwrite};
 use clap::Parser;
 use hertz_figures::lab::Lab;
 use hertz_figures::plan::{FigureOutcome, FigurePlan};

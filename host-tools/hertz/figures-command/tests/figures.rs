@@ -8,7 +8,7 @@ mod schema;
 use std::fs;
 use std::process::{Command, Output};
 
-use bead::cli::schemas::of;
+use bead_console::schema::of;
 use hertz_figures::plan::FigureOutcome;
 use serde_json::Value;
 

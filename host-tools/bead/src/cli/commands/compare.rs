@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 
-use crate::cli::beads::BeadNumbers;
 pub(crate) use crate::cli::commands::compare_arguments::Arguments;
 use crate::cli::commands::compared::{
     draw, echoes_left_out, figures, made, no_strike, publish, scenario, set_velocity, shown,
@@ -19,6 +18,7 @@ use bead_compare::strike::{FullChain, StrikeComparison};
 use bead_compare::strike_report::ComparedStrikes;
 use bead_compare::velocity::FittedVelocity;
 use bead_compare::verdict::{Echoes, other_length};
+use bead_console::beads::BeadNumbers;
 use bead_recording::file::{Part, RecordedBead};
 
 /// The result as JSON.

@@ -1,8 +1,8 @@
 //! Arguments of `bead compare`.
 
-use crate::cli::beads::BeadNumbers;
 use crate::cli::commands::prelude::*;
 use crate::cli::waveform_options::WaveformOptions;
+use bead_console::beads::BeadNumbers;
 
 const AFTER_HELP: &str = "\
 Goals: A within 0.2 % of the full chain, B within 0.5 %, replay identical, no frame lost, no overrun. \

@@ -8,7 +8,6 @@ use std::sync::Arc;
 use hertz_chain::Solution;
 use indicatif::ProgressBar;
 
-use crate::cli::beads::BeadNumbers;
 use crate::cli::commands::emulated::EmulatedBead;
 use crate::cli::commands::emulated::{table, table_of_several};
 use crate::cli::commands::prelude::*;
@@ -33,6 +32,7 @@ use bead_compare::sensed::{
 };
 use bead_compare::strike::FullChain;
 use bead_compare::verdict::other_length;
+use bead_console::beads::BeadNumbers;
 use bead_instrument::Waveform;
 use bead_line::port::Address;
 use bead_recording::file::{About, Note};

@@ -24,9 +24,9 @@ use clap::ArgGroup;
 
 use super::record::{self, PortChoice};
 use super::settings_file;
-use crate::cli::beads::BeadNumbers;
 use crate::cli::commands::prelude::*;
 use crate::cli::note_options::{NoteOptions, note};
+use bead_console::beads::BeadNumbers;
 
 const AFTER_HELP: &str = "\
 Shows each bead's last strike with force, acceleration and residual, both energies with their uncertainties, \

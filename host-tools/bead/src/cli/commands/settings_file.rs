@@ -8,9 +8,9 @@ use bead_model::settings::{BLOCK_MAX, Settings, SettingsError};
 use bead_wire::MAX_BLOCK;
 use hertz_chain::read_text;
 
-use crate::cli::beads::one_bead;
 use crate::cli::commands::prelude::*;
 use bead_compare::sensed::{bead_of, load_scenario, only_host, simulate_with_ring_down, surroundings_of};
+use bead_console::beads::one_bead;
 use bead_recording::physical::{self, Change};
 
 const AFTER_HELP: &str = "\

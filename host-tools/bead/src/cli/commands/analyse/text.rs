@@ -1,8 +1,8 @@
 //! The result of `bead analyse` as a table for people.
 
 use crate::cli::commands::analyse::report::AnalyseReport;
-use crate::cli::output;
 use bead_compare::report::{DASH, count};
+use bead_console::output;
 use bead_spectra::bead::{BeadSpectrum, Points, SpectrumPoint, TransferPoint};
 
 /// Values shown with this many digits.

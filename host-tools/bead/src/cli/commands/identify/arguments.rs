@@ -2,9 +2,9 @@
 
 use clap::ValueEnum;
 
-use crate::cli::beads::one_bead;
 use crate::cli::chosen::StrikeChoice;
 use crate::cli::commands::prelude::*;
+use bead_console::beads::one_bead;
 use bead_identify::quantity::{QUANTITIES, Quantity};
 use bead_identify::ring_down::Mounting;
 

@@ -1,7 +1,7 @@
 //! The result of `bead identify` for people.
 
-use crate::cli::output;
 use bead_compare::report::{DASH, count};
+use bead_console::output;
 use bead_identify::report::{BeadResult, IdentifyReport, QuantityResult};
 
 /// The tables of all beads, each below its heading.

@@ -3,7 +3,6 @@
 use hertz_chain::Solution;
 use rayon::prelude::*;
 
-use crate::cli::beads::one_bead;
 use crate::cli::commands::prelude::*;
 use crate::cli::provenance::command;
 use bead_bench::accuracy::EstimateErrors;
@@ -12,6 +11,7 @@ use bead_bench::error::BenchError;
 use bead_bench::image::find_image;
 use bead_compare::front_end::AnalogFrontEnd;
 use bead_compare::sensed::{Timing, Truth, load_scenario};
+use bead_console::beads::one_bead;
 
 /// Shortest time from strike to strike, s.
 const INTERVAL: f64 = 0.05;

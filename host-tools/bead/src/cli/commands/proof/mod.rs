@@ -16,7 +16,7 @@ pub(crate) mod spheres;
 
 use clap::{Args, Subcommand};
 
-use crate::cli::failure::Failure;
+use bead_console::failure::Failure;
 
 /// Arguments of `bead proof`.
 #[derive(Debug, Args)]

@@ -34,16 +34,18 @@ pub enum Failure {
 }
 
 /// A [`Failure`] of a kind, with a message as for `format!`.
+#[macro_export]
 macro_rules! failure {
     ($kind:ident, $($message:tt)+) => {
-        $crate::cli::failure::Failure::$kind(anyhow::anyhow!($($message)+))
+        $crate::failure::Failure::$kind(anyhow::anyhow!($($message)+))
     };
 }
 
 /// Ends a function with a [`Failure`] of a kind, with a message as for `format!`.
+#[macro_export]
 macro_rules! bail {
     ($kind:ident, $($message:tt)+) => {
-        return Err(failure!($kind, $($message)+))
+        return Err($crate::failure!($kind, $($message)+))
     };
 }
 

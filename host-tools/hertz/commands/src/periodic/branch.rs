@@ -10,7 +10,7 @@ use hertz_chain::{
 use hertz_charts::{Axis, Chart, Ink, Mark, Panel, Series};
 
 use super::motion::{Motion, unit_of_amplitude};
-use crate::cli::commands::prelude::*;
+use bead_console::prelude::*;
 use bead_tables::printable::count;
 use bead_tables::{Cell, CellKind, Column, Writer};
 

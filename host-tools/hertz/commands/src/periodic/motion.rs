@@ -2,7 +2,7 @@
 
 use hertz_chain::{Complex64, DriveParameter, DriveQuantity, PeriodExtremes, PeriodicState};
 
-use crate::cli::commands::prelude::*;
+use bead_console::prelude::*;
 
 /// A motion that repeats.
 #[derive(Serialize, JsonSchema)]

@@ -3,7 +3,7 @@
 use hertz_chain::tangents::{Dual, Parameter, Sensitivities, sensitivities};
 use hertz_chain::{Options, Summary};
 
-use crate::cli::commands::prelude::*;
+use bead_console::prelude::*;
 
 /// Parameters of one run.
 const TOGETHER: usize = 8;

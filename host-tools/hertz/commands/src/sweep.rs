@@ -6,7 +6,7 @@ use clap::Subcommand;
 
 use super::sweep_work::{Consent, Threads, compute_missing, measured, merge, summary, table_file};
 use super::{sweep_cluster, sweep_plot};
-use crate::cli::commands::prelude::*;
+use bead_console::prelude::*;
 use hertz_sweep::folder::Folder;
 use hertz_sweep::plan::Plan;
 
@@ -53,9 +53,10 @@ Examples:
   bead sweep plan SWEEP.toml --dir big --chunks 100
   bead sweep submit big --cpus 8 --out big.parquet | sh";
 
+/// Arguments of `bead sweep`.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP, args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
-pub(crate) struct Arguments {
+pub struct Arguments {
     #[command(subcommand)]
     action: Option<SweepAction>,
     #[command(flatten)]
@@ -104,7 +105,11 @@ struct Here {
     format: Format,
 }
 
-pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+/// Runs `bead sweep`.
+///
+/// # Errors
+/// [`Failure`], which carries the exit status.
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     match &arguments.action {
         Some(SweepAction::Plan(planning)) => sweep_cluster::plan(planning),
         Some(SweepAction::Run(running)) => sweep_cluster::run(running),

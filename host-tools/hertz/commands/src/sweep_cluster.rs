@@ -5,7 +5,7 @@ use indicatif::HumanCount;
 use super::sweep_work::{
     Consent, Threads, axes, compute_missing, measured, merge as merge_into, summary, time,
 };
-use crate::cli::commands::prelude::*;
+use bead_console::prelude::*;
 use hertz_sweep::folder::{Folder, MOST_CHUNKS, ranges};
 use hertz_sweep::plan::Plan;
 use hertz_sweep::slurm::{self, Jobs};
@@ -102,7 +102,7 @@ const CHUNKS: u64 = 1000;
 
 /// The result of `bead sweep plan` as JSON.
 #[derive(Serialize, JsonSchema)]
-pub(crate) struct PlanReport<'a> {
+pub struct PlanReport<'a> {
     plan: &'a str,
     points: u64,
     chunks: u64,
@@ -114,7 +114,7 @@ pub(crate) struct PlanReport<'a> {
 
 /// The result of `bead sweep status` as JSON.
 #[derive(Serialize, JsonSchema)]
-pub(crate) struct StatusReport<'a> {
+pub struct StatusReport<'a> {
     plan: &'a str,
     points: u64,
     chunks: u64,

@@ -13,8 +13,8 @@ use std::path::Path;
 use anyhow::Context;
 use clap::Args;
 
-use crate::cli::failure::Failure;
-use crate::cli::output;
+use crate::failure::Failure;
+use crate::output;
 use bead_tables::whole::{STANDARD_OUTPUT, Target};
 
 /// `--overwrite`.
@@ -124,7 +124,7 @@ impl FileKind {
 ///
 /// # Errors
 /// Both are given, and are the same.
-pub(crate) fn apart(one: Option<&Path>, other: Option<&Path>) -> Result<(), Failure> {
+pub fn apart(one: Option<&Path>, other: Option<&Path>) -> Result<(), Failure> {
     match one {
         Some(one) if Some(one) == other && one != Path::new(STANDARD_OUTPUT) => bail!(
             Input,
@@ -136,7 +136,7 @@ pub(crate) fn apart(one: Option<&Path>, other: Option<&Path>) -> Result<(), Fail
 }
 
 /// The file at `path` as a result of `kind`, or standard output for `-`. Call it before the work.
-pub(crate) fn target(
+pub fn target(
     path: &Path,
     kind: FileKind,
     inputs: &[&Path],

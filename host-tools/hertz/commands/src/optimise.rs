@@ -5,9 +5,9 @@ use hertz_chain::{
     remaining,
 };
 
-use crate::cli::commands::optimise_front;
-use crate::cli::commands::optimise_search::{Arguments, Limits, find, name, percent, search, total_mass};
-use crate::cli::commands::prelude::*;
+use crate::optimise_front;
+use crate::optimise_search::{Arguments, Limits, find, name, percent, search, total_mass};
+use bead_console::prelude::*;
 
 /// Intruders of the paper, for comparison: as measured, and with the stiffness that the paper finds best (its
 /// Fig. 5).
@@ -18,7 +18,7 @@ const PAPER: [(&str, f64); 2] = [
 
 /// The result as JSON.
 #[derive(Serialize, JsonSchema)]
-pub(crate) struct SearchReport {
+pub struct SearchReport {
     beads: Vec<usize>,
     total_mass_kg: f64,
     mass_kg: Limits,
@@ -49,7 +49,11 @@ struct OtherIntruders {
     strikes: Vec<Remaining>,
 }
 
-pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+/// Runs `bead optimise`.
+///
+/// # Errors
+/// [`Failure`], which carries the exit status.
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let scenario = Scenario::load(&arguments.scenario)?;
     let &[mass] = &arguments.total_mass[..] else {
         return optimise_front::run(arguments, &scenario);

@@ -2,7 +2,7 @@
 
 use indicatif::{DecimalBytes, HumanCount};
 
-use crate::cli::commands::prelude::*;
+use bead_console::prelude::*;
 use hertz_sweep::axis::SweepAxis;
 use hertz_sweep::compute;
 use hertz_sweep::folder::{Folder, Merged};
@@ -109,7 +109,7 @@ pub(crate) fn merge(folder: &Folder, out: &Target) -> Result<Merged, Failure> {
 
 /// The result of a sweep as JSON.
 #[derive(Serialize, JsonSchema)]
-pub(crate) struct SweepReport<'a> {
+pub struct SweepReport<'a> {
     plan: &'a str,
     points: u64,
     /// Points that this run computed; null of a merge.

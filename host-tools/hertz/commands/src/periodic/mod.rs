@@ -7,7 +7,7 @@ use hertz_chain::{BranchOptions, DriveParameter, PeriodicState};
 
 use self::branch::{BranchReport, follow};
 use self::motion::{Motion, Multiplier, unit_of_amplitude};
-use crate::cli::commands::prelude::*;
+use bead_console::prelude::*;
 
 const AFTER_HELP: &str = "\
 The scenario is driven by a sine. A motion that repeats with each of its periods is found by Newton's method \
@@ -25,9 +25,10 @@ Examples:
   bead periodic docs/scenarios/driven-trimer.toml --along frequency \\
       --to 5500 --out branch.csv";
 
+/// Arguments of `bead periodic`.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
-pub(crate) struct Arguments {
+pub struct Arguments {
     /// The scenario, a TOML file in SI units, with a sine in its table [drive].
     scenario: PathBuf,
     /// Follow the motion as this parameter of the drive changes.
@@ -57,7 +58,7 @@ pub(crate) struct Arguments {
 
 /// The result as JSON.
 #[derive(Serialize, JsonSchema)]
-pub(crate) struct PeriodicReport {
+pub struct PeriodicReport {
     /// The motion of the scenario's own drive.
     motion: Motion,
     /// All Floquet multipliers of it, the greatest magnitude first.
@@ -68,7 +69,11 @@ pub(crate) struct PeriodicReport {
     branch: Option<BranchReport>,
 }
 
-pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+/// Runs `bead periodic`.
+///
+/// # Errors
+/// [`Failure`], which carries the exit status.
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let scenario = Scenario::load(&arguments.scenario)?;
     let inputs = [arguments.scenario.as_path()];
     place::apart(arguments.out.as_deref(), arguments.picture.as_deref())?;

@@ -6,8 +6,8 @@ use std::time::{Duration, Instant};
 use hertz_chain::{Bands, Dispersion, EnergySummary, Options, Run, Summary, Validity, summarise};
 use indicatif::HumanDuration;
 
-use crate::cli::commands::prelude::*;
-use crate::cli::commands::sensitivities::{self, ParameterSensitivities};
+use crate::sensitivities::{self, ParameterSensitivities};
+use bead_console::prelude::*;
 use hertz_sweep::time_series::{self, TimeSeriesForm};
 
 const AFTER_HELP: &str = "\
@@ -20,9 +20,10 @@ Examples:
 
 const REMARKS: usize = 5;
 
+/// Arguments of `bead simulate`.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
-pub(crate) struct Arguments {
+pub struct Arguments {
     /// The scenario, a TOML file in SI units.
     scenario: PathBuf,
     /// Write the time series to this Parquet or CSV file, units in the column names.
@@ -42,7 +43,11 @@ pub(crate) struct Arguments {
     format: Format,
 }
 
-pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+/// Runs `bead simulate`.
+///
+/// # Errors
+/// [`Failure`], which carries the exit status.
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let scenario = Scenario::load(&arguments.scenario)?;
     let out = arguments
         .out
@@ -127,7 +132,7 @@ fn long_run(elapsed: Duration, part: f64, fewest: f64, duration: f64) -> Option<
 
 /// The summary, and how well each contact met the assumptions of the model.
 #[derive(Serialize, JsonSchema)]
-pub(crate) struct SimulateReport {
+pub struct SimulateReport {
     #[serde(flatten)]
     summary: Summary,
     /// One entry for each of `peak_force`; none where contacts have a stiffness of their own.

@@ -10,7 +10,7 @@ use bead_tables::printable::first_of;
 
 /// The value of `--bead`.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) enum BeadNumbers {
+pub enum BeadNumbers {
     /// A single number.
     One(usize),
     /// A list or a range, in ascending order.
@@ -59,7 +59,7 @@ impl FromStr for BeadNumbers {
 }
 
 /// Parses the value of `--bead` of a command for one bead.
-pub(crate) fn one_bead(text: &str) -> Result<usize, String> {
+pub fn one_bead(text: &str) -> Result<usize, String> {
     match text.parse()? {
         BeadNumbers::One(bead) => Ok(bead),
         _ => Err(format!(
@@ -70,7 +70,7 @@ pub(crate) fn one_bead(text: &str) -> Result<usize, String> {
 
 impl BeadNumbers {
     /// The beads, in ascending order, with an intruder or without.
-    pub(crate) fn listed(&self, scenario: &Scenario) -> Result<Vec<usize>, BenchError> {
+    pub fn listed(&self, scenario: &Scenario) -> Result<Vec<usize>, BenchError> {
         let beads = match self {
             Self::One(bead) => vec![*bead],
             Self::Several(beads) => beads.clone(),
@@ -85,7 +85,7 @@ impl BeadNumbers {
     }
 
     /// The beads, in ascending order. Each has an intruder.
-    pub(crate) fn of(&self, scenario: &Scenario) -> Result<Vec<usize>, BenchError> {
+    pub fn of(&self, scenario: &Scenario) -> Result<Vec<usize>, BenchError> {
         let with = scenario.hosts();
         if with.is_empty() {
             return Self::All.listed(scenario);

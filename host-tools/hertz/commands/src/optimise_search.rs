@@ -8,8 +8,8 @@ use hertz_chain::{
     Spread, optimise,
 };
 
-use crate::cli::beads::BeadNumbers;
-use crate::cli::commands::prelude::*;
+use bead_console::beads::BeadNumbers;
+use bead_console::prelude::*;
 
 const AFTER_HELP: &str = "\
 What remains is the share of the injected energy that the intruders have not dissipated by the end of the \
@@ -63,9 +63,10 @@ Examples:
       --total-mass 0.12 --spread stiffness:15%,damping:30%
   bead simulate best.toml";
 
+/// Arguments of `bead optimise`.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
-pub(crate) struct Arguments {
+pub struct Arguments {
     /// The scenario, a TOML file in SI units. Its intruders are only compared with.
     pub(super) scenario: PathBuf,
     /// The beads that hold an intruder each, or may hold one (--hosts-at-most), such as 7-16 or 7,9,12-14;

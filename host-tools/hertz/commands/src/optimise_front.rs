@@ -3,12 +3,12 @@
 use hertz_chain::{Aim, Objective, Optimum, Search};
 use hertz_charts::{Axis, Chart, Ink, Mark, Panel, Series};
 
-use crate::cli::commands::optimise_search::{Arguments, find, name, percent, search, total_mass};
-use crate::cli::commands::prelude::*;
+use crate::optimise_search::{Arguments, find, name, percent, search, total_mass};
+use bead_console::prelude::*;
 
 /// The result as JSON.
 #[derive(Serialize, JsonSchema)]
-pub(crate) struct FrontReport {
+pub struct FrontReport {
     beads: Vec<usize>,
     aim: Aim,
     objective: Objective,

@@ -10,7 +10,7 @@ use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, P
 use serde::Serialize;
 use serde_json::Value;
 
-use crate::cli::failure::Failure;
+use crate::failure::Failure;
 use bead_compare::report::aligned;
 use bead_recording::json::SCHEMA_VERSION;
 pub use bead_recording::note::note;
@@ -20,14 +20,15 @@ use bead_tables::printable::printable;
 static TAKEN: AtomicBool = AtomicBool::new(false);
 
 /// Reserves standard output for one result. False if another has it.
-pub(crate) fn take_standard_output() -> bool {
+pub fn take_standard_output() -> bool {
     !TAKEN.swap(true, Ordering::Relaxed)
 }
 
 /// Prints a line for people to standard error, with a message as for `format!`.
+#[macro_export]
 macro_rules! note {
     ($($message:tt)+) => {
-        $crate::cli::output::note(format_args!($($message)+))
+        $crate::output::note(format_args!($($message)+))
     };
 }
 
@@ -69,7 +70,7 @@ fn print_json(value: &impl Serialize) -> Result<(), Failure> {
 
 /// Prints one line, or several, to standard output, or to standard error while a result with the path `-` has
 /// standard output. What could steer a terminal is shown, not sent.
-pub(crate) fn print_line(text: &str) -> Result<(), Failure> {
+pub fn print_line(text: &str) -> Result<(), Failure> {
     let text = printable(text);
     if TAKEN.load(Ordering::Relaxed) {
         return written(writeln!(io::stderr().lock(), "{text}"));
@@ -78,7 +79,7 @@ pub(crate) fn print_line(text: &str) -> Result<(), Failure> {
 }
 
 /// Outcome of writing to standard output. A reader that has gone away is not an error.
-pub(crate) fn written(result: io::Result<()>) -> Result<(), Failure> {
+pub fn written(result: io::Result<()>) -> Result<(), Failure> {
     match result {
         Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
         other => Ok(other.context("cannot write to standard output")?),
@@ -86,14 +87,14 @@ pub(crate) fn written(result: io::Result<()>) -> Result<(), Failure> {
 }
 
 /// Parses a number above 0.
-pub(crate) fn positive(text: &str) -> Result<f64, String> {
+pub fn positive(text: &str) -> Result<f64, String> {
     let number = text.parse().ok();
     let number = number.filter(|number: &f64| number.is_finite() && *number > 0.0);
     number.ok_or_else(|| "give a number above 0".to_owned())
 }
 
 /// Parses a duration in s, more than 0.
-pub(crate) fn seconds(text: &str) -> Result<Duration, String> {
+pub fn seconds(text: &str) -> Result<Duration, String> {
     let seconds = positive(text)
         .ok()
         .and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
@@ -102,7 +103,7 @@ pub(crate) fn seconds(text: &str) -> Result<Duration, String> {
 }
 
 /// Parses a duration in s, a day at most: something waits for its end.
-pub(crate) fn seconds_of_a_day(text: &str) -> Result<Duration, String> {
+pub fn seconds_of_a_day(text: &str) -> Result<Duration, String> {
     let duration = seconds(text)
         .ok()
         .filter(|duration| duration.as_secs_f64() <= 86_400.0);
@@ -117,7 +118,7 @@ pub fn table<R: Into<comfy_table::Row>>(header: &str, rows: impl IntoIterator<It
 }
 
 /// The text of a table of names and values, without a header.
-pub(crate) fn rows<N: Into<String>>(rows: impl IntoIterator<Item = (N, String)>) -> String {
+pub fn rows<N: Into<String>>(rows: impl IntoIterator<Item = (N, String)>) -> String {
     let rows = rows.into_iter().map(|(name, value)| [name.into(), value]);
     table("|", rows).trim_start().to_owned()
 }
@@ -128,7 +129,7 @@ pub fn either(holds: bool, yes: &str, no: &str) -> String {
 }
 
 /// A spinner on standard error that names the step under way; silent when standard error is not a terminal.
-pub(crate) fn spinner(step: impl Into<String>) -> ProgressBar {
+pub fn spinner(step: impl Into<String>) -> ProgressBar {
     let bar = shown(ProgressBar::new_spinner(), "{spinner} {msg} {elapsed}");
     bar.with_message(printable(&step.into()).into_owned())
 }
@@ -140,7 +141,7 @@ pub fn progress(steps: u64) -> ProgressBar {
 
 /// A progress bar of the part done and the time left, on standard error; silent when standard error is not a
 /// terminal. [`set_part`] moves it.
-pub(crate) fn part_done(step: impl Into<String>) -> ProgressBar {
+pub fn part_done(step: impl Into<String>) -> ProgressBar {
     let bar = shown(ProgressBar::new(PARTS), "{bar:24} {percent} % {msg}, {left}");
     bar.with_message(printable(&step.into()).into_owned())
 }
@@ -148,7 +149,7 @@ pub(crate) fn part_done(step: impl Into<String>) -> ProgressBar {
 const PARTS: u64 = 10_000;
 
 /// Moves a bar of [`part_done`] to a part of 0 to 1.
-pub(crate) fn set_part(bar: &ProgressBar, part: f64) {
+pub fn set_part(bar: &ProgressBar, part: f64) {
     bar.set_position((part * PARTS as f64) as u64);
 }
 

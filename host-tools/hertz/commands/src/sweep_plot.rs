@@ -1,6 +1,6 @@
 //! `bead sweep plot`: curves and maps of a sweep's table.
 
-use crate::cli::commands::prelude::*;
+use bead_console::prelude::*;
 use hertz_sweep::picture;
 use hertz_sweep::plan::Plan;
 use hertz_sweep::view::View;
