@@ -5,12 +5,10 @@ mod commands;
 mod folder_options;
 mod line_options;
 mod note_options;
-mod printer;
 mod provenance;
 mod recordings;
 pub mod schemas;
 mod waveform_options;
-mod words;
 
 use anyhow::Context;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
@@ -131,7 +129,7 @@ impl Cli {
         let matches = with_negative_numbers(Self::command()).try_get_matches();
         matches
             .and_then(|matches| Self::from_arg_matches(&matches))
-            .unwrap_or_else(|error| words::exit(&error))
+            .unwrap_or_else(|error| bead_console::words::exit(&error))
     }
 
     /// Runs the command that was given.

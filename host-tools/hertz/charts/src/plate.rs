@@ -11,6 +11,9 @@ const LETTERS: f64 = 16.0;
 const STRIP: f64 = 20.0;
 /// Between charts, pixels.
 const APART: f64 = 16.0;
+/// Columns that differ by less than this, such as by a row of a legend, count as equally long: letters that
+/// follow one another then stand side by side. Pixels.
+const LEVEL: f64 = 60.0;
 
 /// Charts in columns, each with a letter above its upper left corner.
 #[derive(Debug, Clone)]
@@ -18,7 +21,7 @@ pub struct Plate {
     /// The content in words, for readers that cannot see it.
     pub description: String,
     /// The letter of each chart, such as `a`, and the chart. Each comes below the column that is shortest so
-    /// far.
+    /// far, or the first of those about as short.
     pub charts: Vec<(String, Chart)>,
     /// Number of columns, at least 1.
     pub columns: usize,
@@ -52,9 +55,9 @@ impl Plate {
             .map(|column| (column as f64 * across, 0.0))
             .collect();
         for (letter, chart) in &self.charts {
-            // The first of equal ones, so that charts of one height stand in rows.
-            let shortest = columns.iter_mut().min_by(|one, other| one.1.total_cmp(&other.1));
-            let Some((left, top)) = shortest else { continue };
+            let shortest = columns.iter().map(|(_, top)| *top).fold(f64::INFINITY, f64::min);
+            let next = columns.iter_mut().find(|(_, top)| *top < shortest + LEVEL);
+            let Some((left, top)) = next else { continue };
             let mut lettered = Canvas::default();
             let place = (*left + 0.5 * LETTERS, *top + 0.5 * STRIP);
             lettered.text(&format!("({letter})"), place, LETTERS, Ink::Text, Anchor::Start);
@@ -96,18 +99,25 @@ mod tests {
     }
 
     #[test]
-    fn a_chart_comes_below_the_shortest_column() {
-        let [low, tall] = [100, 200].map(chart);
+    fn a_chart_comes_below_the_first_of_the_short_columns() {
+        let [low, legend, tall] = [100, 130, 200].map(chart);
         let (wide, high) = low.size();
-        let charts = [("a", low.clone()), ("b", tall), ("c", low)];
+        let below = STRIP + legend.size().1 + APART;
+        let charts = [("a", legend), ("b", low.clone()), ("c", tall), ("d", low)];
         let mut plate = Plate {
-            description: "three".to_owned(),
+            description: "four".to_owned(),
             charts: charts.map(|(letter, chart)| (letter.to_owned(), chart)).into(),
             columns: 2,
         };
         let svg = plate.plain_svg().unwrap();
-        let places = [(0.0, 0.0), (wide + APART, 0.0), (0.0, STRIP + high + APART)];
-        for ((left, top), letter) in places.into_iter().zip(["(a)", "(b)", "(c)"]) {
+        let right = wide + APART;
+        let places = [
+            (0.0, 0.0),
+            (right, 0.0),
+            (0.0, below),
+            (right, STRIP + high + APART),
+        ];
+        for ((left, top), letter) in places.into_iter().zip(["(a)", "(b)", "(c)", "(d)"]) {
             let (_, after) = svg.split_once(letter).unwrap();
             let chart = format!("</text>\n<g transform=\"translate({left} {})\">", top + STRIP);
             assert!(after.starts_with(&chart), "{letter}: {chart}");

@@ -17,7 +17,9 @@ section h2{grid-column:1/-1;font-size:1.05rem;margin:0}section p{grid-column:1/-
 section p a{color:var(--measured)}img{width:100%;height:auto}th{text-align:left;font-weight:600;padding:.3em .6em .3em 0}table{border-collapse:collapse;font-size:.86rem;font-variant-numeric:tabular-nums}\
 td{padding:.3em .6em .3em 0;border-bottom:1px solid var(--grid);vertical-align:top}td+td{white-space:nowrap}\
 .fail{color:var(--predicted);font-weight:600}\
-@media(max-width:760px){section{grid-template-columns:1fr}}";
+@media(max-width:760px){section{grid-template-columns:minmax(0,1fr)}}\
+@media(max-width:520px){tr{display:grid;grid-template-columns:1fr 1.4fr auto;border-bottom:1px solid var(--grid)}\
+th:first-child{display:none}td{border:0;padding:.1em .6em .1em 0;white-space:normal}td:first-child{grid-column:1/-1;color:var(--faint)}}";
 
 /// A number for people: six digits, which is more than any tolerance needs.
 pub fn number(value: f64) -> String {

@@ -10,7 +10,7 @@ use chrono::{DateTime, Utc};
 use super::clock::{drift, rfc3339, times_as_fast};
 use crate::cli::commands::prelude::*;
 use crate::cli::note_options::NoteOptions;
-use crate::cli::printer::Printer;
+use bead_console::printer::Printer;
 use bead_line::lines;
 use bead_line::listener::End;
 use bead_line::port::{Address, open_all};

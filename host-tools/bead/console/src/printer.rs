@@ -4,8 +4,8 @@ use std::sync::mpsc::{self, SyncSender, TrySendError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-use bead_console::failure::Failure;
-use bead_console::output;
+use crate::failure::Failure;
+use crate::output;
 
 /// Lines that wait while the reader of standard output pauses. Those beyond are left out.
 const WAITING: usize = 4096;
@@ -14,6 +14,7 @@ const PATIENCE: Duration = Duration::from_secs(1);
 /// Between two changes of the spinner's text.
 const STATUS_EVERY: Duration = Duration::from_millis(100);
 
+#[derive(Debug)]
 enum Said {
     Line(String),
     Status(String),
@@ -21,7 +22,8 @@ enum Said {
 
 /// Prints lines on a thread of its own, which alone touches the terminal: a paused terminal stops whoever
 /// does.
-pub(crate) struct Printer {
+#[derive(Debug)]
+pub struct Printer {
     said: SyncSender<Said>,
     thread: JoinHandle<Result<(), Failure>>,
     left_out: u64,
@@ -29,7 +31,8 @@ pub(crate) struct Printer {
 }
 
 impl Printer {
-    pub(crate) fn new(step: String) -> Self {
+    /// Starts the thread, with a spinner that names `step`.
+    pub fn new(step: String) -> Self {
         let (said, receiver) = mpsc::sync_channel(WAITING);
         let thread = thread::spawn(move || {
             let spinner = output::spinner(step);
@@ -52,7 +55,7 @@ impl Printer {
     }
 
     /// Prints a line when the reader is ready for it.
-    pub(crate) fn line(&mut self, line: String) {
+    pub fn line(&mut self, line: String) {
         // Where printing has failed, `finish` says why.
         if let Err(TrySendError::Full(_)) = self.said.try_send(Said::Line(line)) {
             self.left_out += 1;
@@ -60,7 +63,7 @@ impl Printer {
     }
 
     /// Changes the spinner's text, ten times a second at most.
-    pub(crate) fn status(&mut self, status: impl FnOnce() -> String) {
+    pub fn status(&mut self, status: impl FnOnce() -> String) {
         if self.status.is_none_or(|last| last.elapsed() >= STATUS_EVERY) {
             self.status = Some(Instant::now());
             // One that is left out is soon followed by the next.
@@ -69,7 +72,13 @@ impl Printer {
     }
 
     /// Waits for what is still to be printed, if the reader goes on.
-    pub(crate) fn finish(self) -> Result<(), Failure> {
+    ///
+    /// # Errors
+    /// Standard output is closed or full.
+    ///
+    /// # Panics
+    /// Printing panicked.
+    pub fn finish(self) -> Result<(), Failure> {
         drop(self.said);
         let deadline = Instant::now() + PATIENCE;
         while !self.thread.is_finished() && Instant::now() < deadline {

@@ -15,7 +15,7 @@ const TOO_LARGE: &str = "this number is too large";
 const WHOLE: &str = "give a whole number, 0 or more";
 
 /// Prints the error of a command line and ends the program with the status of clap: 2, or 0 after help.
-pub(super) fn exit(error: &clap::Error) -> ! {
+pub fn exit(error: &clap::Error) -> ! {
     if !error.use_stderr() {
         error.exit();
     }
