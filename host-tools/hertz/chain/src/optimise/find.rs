@@ -59,7 +59,7 @@ pub struct Optimum {
     /// descents in succession from elsewhere found nothing better either. If not, it spent its evaluations or
     /// was stopped.
     pub settled: bool,
-    /// Descents made, each until nothing near its end was better.
+    /// Descents made, each to an end of its own.
     pub descents: usize,
     /// Number of the last descents, from fresh starts about the best design, that led to nothing better.
     pub in_vain: usize,
