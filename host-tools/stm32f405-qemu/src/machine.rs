@@ -524,6 +524,7 @@ impl Machine {
             busy_with: self.polls.busy_with().map(registers::name),
             never_came: self.never_came(),
             hclk_ns: self.chip.hclk_ns(now),
+            crystal_started: units.rcc.crystal_started,
             pins: self.pins(),
             flash_operations: units.flash.operations.clone(),
             virtual_ns: now,

@@ -68,6 +68,9 @@ pub struct Outcome {
     /// Time that the processor spent at each clock: HCLK in Hz, and virtual time in ns. 0 Hz is a clock that
     /// stands still, in STOP or STANDBY or without a crystal.
     pub hclk_ns: Vec<(u32, u64)>,
+    /// True if the image started the crystal, so that its clocks may rest on
+    /// [`Run::hse_hz`](crate::Run::hse_hz).
+    pub crystal_started: bool,
     /// Virtual time at the end, in ns since power-up.
     pub virtual_ns: u64,
 }

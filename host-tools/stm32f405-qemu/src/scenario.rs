@@ -285,6 +285,11 @@ impl Scenario {
         &self.paths
     }
 
+    /// Returns `true` if it says which crystal the part has.
+    pub fn names_crystal(&self) -> bool {
+        self.file.clock.crystal_hz.is_some()
+    }
+
     /// Gives a run these inputs, beside those that it has.
     pub fn apply(&self, run: &mut Run) {
         let file = &self.file;

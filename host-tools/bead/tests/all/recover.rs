@@ -138,7 +138,8 @@ fn a_flood_of_strikes_of_noise_and_of_restarts_costs_bounded_memory_and_ends_at_
             sent >> 20,
             memory >> 10
         );
-        assert!(took < Duration::from_secs(6), "{took:?}");
+        // It has five seconds; the rest is for a machine that is busy. Unasked it would go on for a minute.
+        assert!(took < Duration::from_secs(15), "{took:?}");
         assert!(memory < MEMORY_MOST_KB, "{memory} kB after {sent} bytes");
         // There is one file.
         let length = folder.read(folder.names()).len() as u64;

@@ -103,6 +103,8 @@ pub(crate) struct Rcc {
     cir: u32,
     /// The crystal does not swing.
     crystal_stopped: bool,
+    /// The crystal was started since power-up.
+    pub(crate) crystal_started: bool,
     /// STOP or STANDBY: no oscillator runs.
     pub(crate) asleep: bool,
     /// Frequency of LSI.
@@ -185,6 +187,7 @@ impl Rcc {
     /// Sets the flags of what runs now and did not before, if their interrupts are on (section 7.3.4).
     fn flag_ready(&mut self, before: u32) {
         let started = self.ready() & !before;
+        self.crystal_started |= started & HSEON != 0;
         // HSI is flag 2, HSE 3, PLL 4, PLLI2S 5.
         let flags = [(HSION, 2), (HSEON, 3), (PLLON, 4), (PLLI2SON, 5)]
             .iter()
@@ -420,6 +423,7 @@ impl Peripheral for Rcc {
         let old = std::mem::replace(self, Self::new(self.hse_hz));
         (self.bdcr, self.csr) = (old.bdcr, old.csr & RESET_FLAGS);
         (self.crystal_stopped, self.notes) = (old.crystal_stopped, old.notes);
+        self.crystal_started = old.crystal_started;
         (self.lsi_hz, self.limits, self.selectable) = (old.lsi_hz, old.limits, old.selectable);
     }
 

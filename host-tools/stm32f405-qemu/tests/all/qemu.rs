@@ -7,7 +7,7 @@
 
 use std::io::{Read, Write};
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant};
 
@@ -614,6 +614,7 @@ fn a_crystal_that_stops_is_an_nmi_with_css_and_without_it_only_the_watchdog_goes
         });
         let resets: Vec<_> = outcome.resets.iter().map(|reset| reset.cause).collect();
         assert_eq!(resets, [ResetCause::Watchdog]);
+        assert!(outcome.crystal_started, "before the reset");
         outcome
     });
     // By the NMI, and by the reset.
@@ -624,6 +625,25 @@ fn a_crystal_that_stops_is_an_nmi_with_css_and_without_it_only_the_watchdog_goes
     let [safe, bare] = [safe, bare].map(|outcome| outcome.instructions.unwrap().total);
     assert!((15_050..=15_150).contains(&safe), "{safe}");
     assert!((safe - 8_000..safe - 7_750).contains(&bare), "{bare} of {safe}");
+}
+
+#[test]
+fn of_a_crystal_that_nobody_named_the_program_says_what_it_was_taken_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let scenario = folder.path().join("clock.toml");
+    std::fs::write(&scenario, "[clock]\ncrystal_hz = 12_000_000\n").unwrap();
+    let says = |main: &[(u32, u32)], scenario: Option<&Path>| {
+        let bench = bench(&image(main, BRANCH_TO_SELF, &[]));
+        let mut program = Command::new(env!("CARGO_BIN_EXE_stm32-emu"));
+        program.args(["--for", "1ms"]);
+        if let Some(scenario) = scenario {
+            program.arg("--scenario").arg(scenario);
+        }
+        let ran = program.arg(&bench.run.elf).output().unwrap();
+        String::from_utf8(ran.stdout).unwrap().contains("8 MHz")
+    };
+    assert!(says(&on_crystal(0), None));
+    assert!(!says(&on_crystal(0), Some(&scenario)) && !says(&[], None));
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use stm32f405_qemu::{Inputs, LogLine, Outcome, Passed, Run, RunError, functions};
+use stm32f405_qemu::{Inputs, LogLine, Outcome, Passed, Run, RunError, Scenario, functions};
 
 use super::arguments::Arguments;
 use super::uart::{Lines, SEMIHOSTING, Ways};
@@ -20,7 +20,7 @@ pub(crate) struct Session {
     pub(crate) took: Duration,
     /// Bytes that each USART sent.
     pub(crate) sent: Vec<(String, usize)>,
-    /// Waveforms of the scenario that were over before the run was, and that the image has no symbols.
+    /// Remarks: waveforms that were over before the run was, missing symbols, a crystal that nobody named.
     pub(crate) notes: Vec<String>,
 }
 
@@ -30,6 +30,7 @@ pub(crate) struct Session {
 /// [`RunError`] if it does not start. What fails later is in the session.
 pub(crate) fn run(run: Run, arguments: &Arguments, lines: &mut Lines) -> Result<Session, RunError> {
     let has_symbols = !functions(&run.elf, "")?.is_empty();
+    let crystal = f64::from(run.hse_hz) / 1e6;
     let mut ways = Ways::open(&arguments.uart)?;
     let began = Instant::now();
     let mut last = None;
@@ -40,14 +41,21 @@ pub(crate) fn run(run: Run, arguments: &Arguments, lines: &mut Lines) -> Result<
     {
         outcome.log.extend(last);
     }
-    if let Some(outcome) = result.as_ref().map_or_else(RunError::outcome, Some) {
+    if let Some(outcome) = outcome_of(&result) {
         lines.text(SEMIHOSTING, outcome.semihosting.as_bytes(), Some(String::new()));
     }
     lines.finish();
     let scenario = arguments.scenario.as_ref().zip(result.as_ref().ok());
     let mut notes = scenario.map_or_else(Vec::new, |(scenario, outcome)| scenario.ended_early(outcome));
     if !has_symbols {
-        notes.push("no symbols: of a stripped image neither the log nor a panic can be told".into());
+        notes.push("no symbols: of a stripped image neither the log nor a panic can be read".into());
+    }
+    let is_named = arguments.scenario.as_deref().is_some_and(Scenario::names_crystal);
+    if outcome_of(&result).is_some_and(|outcome| outcome.crystal_started) && !is_named {
+        notes.push(format!(
+            "the image started a crystal, which was taken to have {crystal} MHz: a scenario with [clock] crystal_hz \
+             names another"
+        ));
     }
     Ok(Session {
         result,
@@ -60,6 +68,11 @@ pub(crate) fn run(run: Run, arguments: &Arguments, lines: &mut Lines) -> Result<
         notes,
         sent: std::mem::take(&mut lines.sent).into_iter().collect(),
     })
+}
+
+/// The outcome of a run, also of one that failed.
+fn outcome_of(result: &Result<Outcome, RunError>) -> Option<&Outcome> {
+    result.as_ref().map_or_else(RunError::outcome, Some)
 }
 
 fn through(
