@@ -12,7 +12,7 @@
 //! - [`bead_tables`]: Parquet, CSV, units, printable text, files that appear whole
 //! - [`hertz_commands`]: the simulator's commands
 
-// For its macros, as in all that has commands.
+// For its macros: `failure!`, `bail!`, `note!`.
 #[macro_use]
 extern crate bead_console;
 

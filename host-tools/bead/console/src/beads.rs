@@ -59,6 +59,9 @@ impl FromStr for BeadNumbers {
 }
 
 /// Parses the value of `--bead` of a command for one bead.
+///
+/// # Errors
+/// One line: what to give in its place.
 pub fn one_bead(text: &str) -> Result<usize, String> {
     match text.parse()? {
         BeadNumbers::One(bead) => Ok(bead),
@@ -70,6 +73,9 @@ pub fn one_bead(text: &str) -> Result<usize, String> {
 
 impl BeadNumbers {
     /// The beads, in ascending order, with an intruder or without.
+    ///
+    /// # Errors
+    /// All are asked for, and no bead has an intruder.
     pub fn listed(&self, scenario: &Scenario) -> Result<Vec<usize>, BenchError> {
         let beads = match self {
             Self::One(bead) => vec![*bead],
@@ -85,6 +91,9 @@ impl BeadNumbers {
     }
 
     /// The beads, in ascending order. Each has an intruder.
+    ///
+    /// # Errors
+    /// A bead that is named has none, or none has.
     pub fn of(&self, scenario: &Scenario) -> Result<Vec<usize>, BenchError> {
         let with = scenario.hosts();
         if with.is_empty() {

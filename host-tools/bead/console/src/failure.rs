@@ -37,7 +37,7 @@ pub enum Failure {
 #[macro_export]
 macro_rules! failure {
     ($kind:ident, $($message:tt)+) => {
-        $crate::failure::Failure::$kind(anyhow::anyhow!($($message)+))
+        $crate::failure::Failure::$kind($crate::anyhow::anyhow!($($message)+))
     };
 }
 

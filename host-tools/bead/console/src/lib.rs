@@ -14,5 +14,6 @@ pub mod printer;
 pub mod schema;
 pub mod words;
 
+// `failure!` makes its errors with it in every crate.
 #[doc(hidden)]
 pub use anyhow;

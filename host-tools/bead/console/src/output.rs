@@ -70,6 +70,9 @@ fn print_json(value: &impl Serialize) -> Result<(), Failure> {
 
 /// Prints one line, or several, to standard output, or to standard error while a result with the path `-` has
 /// standard output. What could steer a terminal is shown, not sent.
+///
+/// # Errors
+/// Standard output is closed or full.
 pub fn print_line(text: &str) -> Result<(), Failure> {
     let text = printable(text);
     if TAKEN.load(Ordering::Relaxed) {
@@ -79,6 +82,9 @@ pub fn print_line(text: &str) -> Result<(), Failure> {
 }
 
 /// Outcome of writing to standard output. A reader that has gone away is not an error.
+///
+/// # Errors
+/// The system's, in words.
 pub fn written(result: io::Result<()>) -> Result<(), Failure> {
     match result {
         Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
@@ -87,6 +93,9 @@ pub fn written(result: io::Result<()>) -> Result<(), Failure> {
 }
 
 /// Parses a number above 0.
+///
+/// # Errors
+/// One line: what to give in its place.
 pub fn positive(text: &str) -> Result<f64, String> {
     let number = text.parse().ok();
     let number = number.filter(|number: &f64| number.is_finite() && *number > 0.0);
@@ -94,6 +103,9 @@ pub fn positive(text: &str) -> Result<f64, String> {
 }
 
 /// Parses a duration in s, more than 0.
+///
+/// # Errors
+/// One line: what to give in its place.
 pub fn seconds(text: &str) -> Result<Duration, String> {
     let seconds = positive(text)
         .ok()
@@ -103,6 +115,9 @@ pub fn seconds(text: &str) -> Result<Duration, String> {
 }
 
 /// Parses a duration in s, a day at most: something waits for its end.
+///
+/// # Errors
+/// One line: what to give in its place.
 pub fn seconds_of_a_day(text: &str) -> Result<Duration, String> {
     let duration = seconds(text)
         .ok()

@@ -136,6 +136,9 @@ pub fn apart(one: Option<&Path>, other: Option<&Path>) -> Result<(), Failure> {
 }
 
 /// The file at `path` as a result of `kind`, or standard output for `-`. Call it before the work.
+///
+/// # Errors
+/// As of [`targets`].
 pub fn target(
     path: &Path,
     kind: FileKind,

@@ -1,6 +1,6 @@
 //! The simulator's commands: one file each, with its arguments, its run, its table and its JSON.
 
-// For its macros, as in all that has commands.
+// For its macros: `failure!`, `bail!`, `note!`.
 #[macro_use]
 extern crate bead_console;
 
