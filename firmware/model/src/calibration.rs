@@ -152,20 +152,6 @@ mod tests {
     }
 
     #[test]
-    fn codes_passed_over_leave_the_state_as_if_they_had_been_looked_at() {
-        let quiet = settled([100; BASELINE as usize].into_iter());
-        let codes = [110, 125, 119];
-        for cut in 0..4 {
-            let (mut looked_at, mut skipped) = (quiet, quiet);
-            last_of(channel(0.25), &mut looked_at, codes);
-            for part in [&codes[..cut], &codes[cut..]] {
-                skipped.skip(part.iter().map(|&code| AdcCode::new(code)));
-            }
-            assert_eq!(skipped, looked_at, "{cut}");
-        }
-    }
-
-    #[test]
     fn the_zero_is_the_mean_of_the_baseline_to_a_sixty_fourth_of_a_code() {
         let mut state = settled((0..BASELINE).map(|i| 100 + u16::from(i == 7)));
         assert_eq!(last_of(channel(0.0), &mut state, [100; 3]), -1.0 / 64.0);

@@ -148,53 +148,16 @@ impl Observer {
 mod tests {
     use super::*;
 
-    /// An observer whose energy is 1 nJ/(m/s²)².
-    fn observer_of_one() -> Observer {
-        Observer {
-            start: I0F32::ZERO,
-            end: I0F32::ZERO,
-            energy: I2F30::ONE,
-        }
-    }
-
-    /// Closes a piece of 32 samples whose squares are `mean` (m/s²)² in the mean. Returns the energies
-    /// absorbed and of the noise before and after it, in nJ for a scale of 1 nJ/(m/s²)².
-    fn closed(state: &mut ObserverState, mean: u64, close: impl FnOnce(&mut ObserverState)) -> [i64; 4] {
-        let observer = observer_of_one();
-        (state.piece, state.piece_samples) = ((32 * mean) << (2 * SensedAcceleration::FRAC_NBITS), 32);
-        let energies = |state: &ObserverState| {
-            [observer.absorbed(0, state), observer.noise(0, state)].map(|energy| energy.bits() >> 24)
-        };
-        let before = energies(state);
-        close(state);
-        let after = energies(state);
-        [before[0], before[1], after[0], after[1]]
-    }
-
     #[test]
-    fn a_piece_counts_if_it_has_more_than_twice_the_noise_which_is_taken_off() {
-        for noise in [0, 5] {
-            let mut state = ObserverState::default();
-            for mean in [noise + 2, noise] {
-                // The noise is the mean square of the quiet pieces.
-                closed(&mut state, mean, |state| state.close_noise(u64::MAX));
-            }
-            assert_eq!(state.noise, (noise + 1) << (2 * SensedAcceleration::FRAC_NBITS));
-            // Of more than that, what is beyond is no noise.
-            let mut louder = state;
-            let most = state.noise - 1;
-            louder.close_noise(most);
-            assert_eq!(louder.noise, most);
-            assert_eq!(observer_of_one().noise_square(&state), noise as f32 + 1.0);
-            let noise = noise as i64 + 1;
-            let twice = closed(&mut state, 2 * noise as u64, |state| {
-                assert!(!state.close_piece())
-            });
-            assert_eq!(twice, [0; 4]);
-            let more = closed(&mut state, 2 * noise as u64 + 1, |state| {
-                assert!(state.close_piece())
-            });
-            assert_eq!(more, [32 * (noise + 1), 0, 32 * (noise + 1), 32 * noise]);
+    fn a_piece_counts_if_it_has_more_than_twice_the_noise() {
+        for (piece, counts) in [(64, false), (65, false), (66, true)] {
+            let mut state = ObserverState {
+                noise: 1,
+                piece,
+                piece_samples: 32,
+                ..ObserverState::default()
+            };
+            assert_eq!(state.close_piece(), counts, "{piece}");
         }
     }
 }

@@ -222,19 +222,6 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_paper_bead_has_the_contact_stiffness_and_mass_of_the_reference() {
-        let bead = Bead::paper();
-        assert!((bead.contact_stiffness / 3.626_039_562_8e8 - 1.0).abs() < 1e-10);
-        assert!((bead.mass / 0.050_997_368_825_967_98 - 1.0).abs() < 1e-12);
-    }
-
-    #[test]
-    fn a_pulse_shortens_with_the_fifth_root_of_the_speed() {
-        let bead = Bead::paper();
-        assert!((bead.pulse_width(32.0) / bead.pulse_width(1.0) - 0.5).abs() < 1e-12);
-    }
-
-    #[test]
     fn places_are_digits_from_1_to_6_each_at_most_once() {
         let places = |behind| {
             Neighbours {

@@ -226,21 +226,6 @@ mod tests {
             .filter_map(|number| i32::try_from(number).ok())
     }
 
-    #[test]
-    fn the_upper_half_of_every_product_of_edges_is_that_of_exact_arithmetic() {
-        let dense = if cfg!(miri) { 5 } else { 1 };
-        for a in edges().step_by(dense) {
-            for b in edges().step_by(dense) {
-                let product = i128::from(a) * i128::from(b);
-                let low = product.rem_euclid(1 << 32);
-                let down = (product - low) / (1 << 32);
-                assert_eq!(i128::from(high(a, b)), down, "{a} {b}");
-                let nearest = down + i128::from(low >= 1 << 31);
-                assert_eq!(i128::from(high_rounded(a, b)), nearest, "{a} {b}");
-            }
-        }
-    }
-
     /// Each sum with each scale and each power that `Settings::bounds` allows: the exact energy, or the
     /// greatest.
     fn energies<const FRACTION: u32, F: LeEqU32>() {
@@ -274,13 +259,5 @@ mod tests {
         let sum = SquareSum::<40>(100);
         let left = [99, 100, u128::MAX].map(|taken| sum.less(taken).0);
         assert_eq!(left, [1, 0, 0]);
-    }
-
-    #[test]
-    fn squares_of_a_piece_fit_its_sum() {
-        let most = (1 << 29) - 1;
-        assert_eq!(square(most), (most as u64).pow(2));
-        assert_eq!(square(-most), square(most));
-        assert!(square(most).checked_mul(32).is_some());
     }
 }

@@ -264,23 +264,27 @@ mod tests {
         Pair::new(code(128.0 + force * 256.0), code(100.3 + force * 16.0 * more))
     }
 
-    /// Feeds forces, cut into pieces of `piece` samples, and returns values, loudness and the match of the
-    /// gains.
-    fn measured(forces: &[f64], more: f64, piece: usize) -> (Vec<f64>, Vec<Loudness>, Option<GainMatch>) {
-        let sensor = sensor();
+    /// Feeds the codes of a baseline and those after it. Returns the values, the loudness of each piece, and
+    /// the match of the gains.
+    fn measured(
+        sensor: &Sensor<U30>,
+        quiet: impl Fn(u16) -> Pair,
+        codes: &[Pair],
+    ) -> (Vec<SensedForce>, Vec<Loudness>, Option<GainMatch>) {
         let mut state = SensorState::default();
-        (0..BASELINE).for_each(|_| state.settle(pair(0.0, more)));
+        (0..BASELINE).for_each(|n| state.settle(quiet(n)));
+        let mut values = vec![SensedForce::ZERO; codes.len()];
+        let pieces = codes.chunks(PIECE).zip(values.chunks_mut(PIECE));
+        let loudness = pieces
+            .map(|(codes, values)| sensor.process(&mut state, codes.iter().copied(), values))
+            .collect();
+        (values, loudness, state.gain_match())
+    }
+
+    /// Match of the gains over these forces, of a wide gain `more` times what the settings say.
+    fn matched(forces: &[f64], more: f64) -> Option<GainMatch> {
         let codes: Vec<Pair> = forces.iter().map(|&force| pair(force, more)).collect();
-        let (mut out, mut loudness) = (Vec::new(), Vec::new());
-        for codes in codes.chunks(piece) {
-            let mut values = [SensedForce::ZERO; PIECE];
-            let values = &mut values[..codes.len()];
-            loudness.push(sensor.process(&mut state, codes.iter().copied(), values));
-            out.extend(values.iter().map(|value| value.to_num::<f64>()));
-        }
-        // A value is that of the sample before.
-        out.remove(0);
-        (out, loudness, state.gain_match())
+        measured(&sensor(), |_| pair(0.0, more), &codes).2
     }
 
     /// A pulse of `peak` N, 60 samples wide at its foot, after 40 of quiet.
@@ -296,22 +300,14 @@ mod tests {
     }
 
     #[test]
-    fn a_pulse_within_the_sensitive_range_is_that_channels_alone() {
-        let forces = pulse(14.0);
-        let (values, _, _) = measured(&forces, 1.3, PIECE);
-        for (value, force) in values.iter().zip(&forces) {
-            assert!((value - force).abs() <= 0.5 / 256.0 + 1e-4, "{value} {force}");
-        }
-    }
-
-    #[test]
     fn beyond_it_there_is_no_step_though_the_wide_zero_is_off_by_a_third_of_a_code() {
         let forces = pulse(200.0);
-        let (values, loudness, _) = measured(&forces, 1.0, PIECE);
-        let mut worst = 0.0_f64;
-        for (value, force) in values.iter().zip(&forces) {
-            worst = worst.max((value - force).abs());
-        }
+        let codes: Vec<Pair> = forces.iter().map(|&force| pair(force, 1.0)).collect();
+        let (values, loudness, _) = measured(&sensor(), |_| pair(0.0, 1.0), &codes);
+        // A value is that of the sample before.
+        let errors = values[1..].iter().zip(&forces);
+        let errors = errors.map(|(value, force)| (value.to_num::<f64>() - force).abs());
+        let worst = errors.fold(0.0, f64::max);
         // Half a wide code of rounding, and what is left of the third by the few samples of the overlap.
         assert!(worst < (0.5 + 0.25) / 16.0, "{worst}");
         assert!(worst > 0.5 / 256.0, "the wide channel is not used");
@@ -321,16 +317,14 @@ mod tests {
     #[test]
     fn gains_that_differ_are_told_by_how_much() {
         for more in [0.95, 1.0, 1.03] {
-            let (_, _, matched) = measured(&pulse(14.0), more, PIECE);
-            let matched = matched.unwrap();
+            let matched = matched(&pulse(14.0), more).unwrap();
             let (deviation, uncertainty) = (matched.deviation.ratio(), matched.uncertainty.ratio());
             let off = (deviation - (more - 1.0)).abs();
             assert!(off < 3.0 * uncertainty, "{matched:?}");
             assert!(uncertainty < 2e-3, "{matched:?}");
             assert_eq!(gains_differ(matched, GAIN_TOLERANCE), more != 1.0);
         }
-        let (_, _, none) = measured(&pulse(1.0), 1.0, PIECE);
-        assert_eq!(none, None);
+        assert_eq!(matched(&pulse(1.0), 1.0), None);
     }
 
     #[test]
@@ -364,21 +358,13 @@ mod tests {
         for channel in [&mut sensor.sensitive, &mut sensor.wide] {
             channel.per_code <<= power;
         }
-        let mut state = SensorState::default();
         let code = |codes: i32| codes as u16;
-        (0..BASELINE).for_each(|n| state.settle(Pair::new(128, code(100 + baseline[usize::from(n % 2)]))));
+        let quiet = |n: u16| Pair::new(128, code(100 + baseline[usize::from(n % 2)]));
         // Of a signal in wide codes.
         let at = |signal: i32| Pair::new(code((128 + 16 * signal).min(4095)), code(100 + signal + 1));
-        let mut codes: Vec<Pair> = std::iter::repeat_n(at(100), overlap).collect();
-        codes.extend([at(2000); 2]);
-        let mut last = SensedForce::ZERO;
-        for piece in codes.chunks(PIECE) {
-            let mut values = [SensedForce::ZERO; PIECE];
-            let values = &mut values[..piece.len()];
-            sensor.process(&mut state, piece.iter().copied(), values);
-            last = *values.last().unwrap();
-        }
-        (2001 << (12 + power)) - last.to_bits()
+        let codes = [vec![at(100); overlap], vec![at(2000); 2]].concat();
+        let (values, ..) = measured(&sensor, quiet, &codes);
+        (2001 << (12 + power)) - values[overlap + 1].to_bits()
     }
 
     #[test]
@@ -405,8 +391,7 @@ mod tests {
         for (overlap, told) in [(8, false), (9, true)] {
             // The last value is that of the sample before the last.
             let forces: Vec<f64> = (0..overlap).map(|n| 6.0 + f64::from(n) / 8.0).collect();
-            let (_, _, matched) = measured(&forces, 1.0, PIECE);
-            assert_eq!(matched.is_some(), told, "{overlap}");
+            assert_eq!(matched(&forces, 1.0).is_some(), told, "{overlap}");
         }
     }
 
@@ -426,13 +411,8 @@ mod tests {
 
     /// True if a piece is loud that has these codes at the high gain over this zero.
     fn is_loud(zero: u16, codes: &[u16]) -> bool {
-        let mut state = SensorState::default();
-        (0..BASELINE).for_each(|_| state.settle(Pair::new(zero, 2000)));
-        let codes = codes.iter().map(|code| Pair::new(*code, 2000));
-        let mut values = [SensedForce::ZERO; PIECE];
-        sensor()
-            .process(&mut state, codes.clone(), &mut values[..codes.len()])
-            .loud
+        let codes: Vec<Pair> = codes.iter().map(|&code| Pair::new(code, 2000)).collect();
+        measured(&sensor(), |_| Pair::new(zero, 2000), &codes).1[0].loud
     }
 
     #[test]
@@ -454,39 +434,6 @@ mod tests {
         for (high, low) in [(7, 8), (16, 16)] {
             let codes = [vec![3500; high], vec![700; low], vec![2048; PIECE - high - low]].concat();
             assert!(is_loud(2048, &codes), "{high} high, {low} low");
-        }
-    }
-
-    #[test]
-    fn the_pieces_do_not_matter_whatever_the_codes_and_the_pole() {
-        let mut sensor = sensor();
-        for channel in [&mut sensor.sensitive, &mut sensor.wide] {
-            channel.slope = channel.per_code * I2F30::from_num(0.45);
-        }
-        // Every so often steps within a quarter of the range, or as wide as it; the wide codes are as drawn.
-        let mut random = bead_testing::xorshift(1);
-        let mut drawn = |most: u64| (random() % most) as u16;
-        let codes: Vec<Pair> = (0..960)
-            .map(|n| {
-                let most = if n % 40 < 3 { 4096 } else { 1200 };
-                Pair::new(drawn(most), 500 + drawn(100))
-            })
-            .collect();
-        let told = |piece: usize| {
-            let mut state = SensorState::default();
-            (0..BASELINE).for_each(|_| state.settle(Pair::new(150, 500)));
-            let mut out = Vec::new();
-            for codes in codes.chunks(piece) {
-                let mut values = [SensedForce::ZERO; PIECE];
-                sensor.process(&mut state, codes.iter().copied(), &mut values[..codes.len()]);
-                out.extend_from_slice(&values[..codes.len()]);
-            }
-            (out, state.gain_match())
-        };
-        let whole = told(PIECE);
-        assert!(whole.1.is_some());
-        for piece in [1, 2, 3, 7, 31] {
-            assert_eq!(told(piece), whole, "{piece}");
         }
     }
 }

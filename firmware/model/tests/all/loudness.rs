@@ -1,6 +1,8 @@
 //! The low gain has a part in loud pieces of a window only: the others are the same without its codes, which
 //! are not sent.
 
+use std::ops::Range;
+
 use crate::{paper, replayed};
 use bead_model::layout::{BASELINE, PIECE};
 use bead_model::{Chunk, Scan, Settings, Shape, Strike};
@@ -59,41 +61,32 @@ fn replay(settings: &Settings, heard: &Collector, wide: impl Fn(&Chunk) -> bool)
 
 #[test]
 #[cfg_attr(miri, ignore = "tens of thousands of scans")]
-fn a_piece_is_loud_in_the_baseline_and_where_a_code_or_one_of_two_before_is_beyond_a_quarter() {
+fn a_piece_is_loud_in_the_baseline_and_near_a_loud_code_and_only_there_do_wide_codes_matter() {
     let settings = paper();
     let history = u64::from(settings.window.history);
-    for loud in [[1100, 0], [0, 1100], [3500, 1500]] {
+    for loud in [[1100, 0], [3950, 0], [0, 2000], [3950, 2000]] {
         // Wherever the loud scans begin in a piece.
         for at in TRIGGER + 40..TRIGGER + 40 + PIECE as u64 {
             let heard = hear(&settings, loud, at);
+            let pieces = |chunk: &Chunk| chunk.first_index..chunk.first_index + PIECE as u64;
             for chunk in &heard.chunks {
-                let [first, end] = [0, PIECE as u64].map(|more| chunk.first_index + more);
-                let in_baseline = first < TRIGGER + 1 - history + u64::from(BASELINE);
+                let Range { start, end } = pieces(chunk);
+                let in_baseline = start < TRIGGER + 1 - history + u64::from(BASELINE);
                 // The codes from at to at + 4 have a part in values up to at + 6.
-                let expected = in_baseline || first < at + 6 && at < end;
-                assert_eq!(chunk.loud, expected, "{loud:?}, {at}: {first}");
+                let expected = in_baseline || start < at + 6 && at < end;
+                assert_eq!(chunk.loud, expected, "{loud:?}, {at}: {start}");
             }
+            let report = (heard.reports[0], heard.shapes[0]);
+            let same = replay(&settings, &heard, |chunk| chunk.loud);
+            assert_eq!(same, report, "{loud:?}, {at}");
+            // Another result where the wide channel gives the signal.
+            let other = replay(&settings, &heard, |chunk| {
+                chunk.loud && !pieces(chunk).contains(&at)
+            });
+            assert_eq!(other == report, loud == [1100, 0], "{loud:?}, {at}");
         }
     }
     let quiet = hear(&settings, [1000, 1000], TRIGGER + 50);
     let loud = quiet.chunks.iter().filter(|chunk| chunk.loud);
     assert_eq!(loud.count() * PIECE, usize::from(BASELINE));
-}
-
-#[test]
-#[cfg_attr(miri, ignore = "tens of thousands of scans")]
-fn a_window_is_the_same_without_the_wide_codes_of_its_quiet_pieces_and_another_without_those_of_a_loud_one() {
-    let settings = paper();
-    for loud in [[3950, 0], [0, 2000], [3950, 2000]] {
-        for at in TRIGGER + 40..TRIGGER + 40 + PIECE as u64 {
-            let heard = hear(&settings, loud, at);
-            let report = (heard.reports[0], heard.shapes[0]);
-            let same = replay(&settings, &heard, |chunk| chunk.loud);
-            assert_eq!(same, report, "{loud:?}, {at}");
-            // Where the wide channel gives the signal.
-            let is_held = |chunk: &Chunk| (chunk.first_index..chunk.first_index + PIECE as u64).contains(&at);
-            let other = replay(&settings, &heard, |chunk| chunk.loud && !is_held(chunk));
-            assert_ne!(other, report, "{loud:?}, {at}");
-        }
-    }
 }

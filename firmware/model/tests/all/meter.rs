@@ -132,40 +132,6 @@ fn words_of_a_dma_hold_the_high_gain_in_their_lower_half_and_are_measured_as_sca
     assert_eq!(heard, Collector::measure(&settings, 0, &expected));
 }
 
-#[test]
-#[cfg_attr(miri, ignore = "hundreds of thousands of scans")]
-fn strike_upon_strike_in_one_call_is_the_same_as_in_many() {
-    let settings = paper();
-    let force = pulses(&[0]);
-    let stream: Vec<Scan> = (0..60_000).map(|at| scan(force(at % 900))).collect();
-    let hear = |pieces: &[usize]| {
-        let (mut meter, mut heard, mut index) = (Meter::new(), Collector::default(), 0);
-        for piece in pieces.iter().cycle() {
-            let scans = &stream[index..stream.len().min(index + piece)];
-            meter.process(&settings, index as u64, scans.iter().copied(), &mut heard);
-            index += scans.len();
-            if index == stream.len() {
-                break;
-            }
-        }
-        // The last strike is complete in either case.
-        meter.process(&settings, index as u64, [scan(128); 3000], &mut heard);
-        heard
-    };
-    let whole = hear(&[stream.len()]);
-    assert!(whole.reports.len() > 60, "{}", whole.reports.len());
-    for pieces in [
-        &[1][..],
-        &[50],
-        &[200],
-        &[1000],
-        &[7000],
-        &[3, 399, 256, 1, 1, 31],
-    ] {
-        assert_eq!(hear(pieces), whole, "{pieces:?}");
-    }
-}
-
 /// Whatever triggers, in windows of whatever length: a meter that is to pass over comes to rest within the
 /// longest window, its lag and the next window, 20 ms, and stays there.
 #[test]

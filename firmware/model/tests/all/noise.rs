@@ -43,7 +43,7 @@ fn errors(solution: &Solution, absorbed: f64, noise: [f64; 2]) -> [(f64, f64); 4
             let phase = seed as f64 / STRIKES as f64;
             let sensed = (0..1600).map(|sample| {
                 let time = (f64::from(sample) - LEAD + phase) / 100e3;
-                let [force, acceleration] = felt(solution, time);
+                let [force, acceleration] = felt(solution, HOST, time);
                 let force = force + force_noise.sample(&mut random);
                 scan(
                     &front_end,

@@ -35,11 +35,11 @@ pub(crate) fn scan(front_end: &FrontEnd, [force, acceleration]: [f64; 2]) -> Sca
     Scan::new([force, force, acceleration, acceleration])
 }
 
-/// Force (N) at the incoming contact of [`HOST`], and acceleration (m/s²) of its intruder two conversions
+/// Force (N) at the incoming contact of a `host`, and acceleration (m/s²) of its intruder two conversions
 /// later, as a scan has them; zeros before the strike.
-pub(crate) fn felt(solution: &Solution, time: f64) -> [f64; 2] {
+pub(crate) fn felt(solution: &Solution, host: usize, time: f64) -> [f64; 2] {
     let at = |time: f64| (time >= 0.0).then(|| solution.at(time.min(solution.end())));
-    let force = at(time).map_or(0.0, |now| now.force(HOST));
-    let acceleration = at(time + 2.0 * CONVERSION).map(|now| now.intruder_acceleration(HOST).unwrap());
+    let force = at(time).map_or(0.0, |now| now.force(host));
+    let acceleration = at(time + 2.0 * CONVERSION).map(|now| now.intruder_acceleration(host).unwrap());
     [force, acceleration.unwrap_or(0.0)]
 }

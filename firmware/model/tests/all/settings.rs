@@ -2,9 +2,7 @@
 
 use crate::paper;
 use bead_model::company::Company;
-use bead_model::design::{
-    Bead, Capture, Description, Followers, LEAST_WIDTH, Neighbours, SensorEnds, Supply,
-};
+use bead_model::design::{Bead, Description, Followers, LEAST_WIDTH, Neighbours, SensorEnds, Supply};
 use bead_model::name::Name;
 use bead_model::quantity::SensedForce;
 use bead_model::settings::BLOCK_MAX;
@@ -138,50 +136,85 @@ fn refused(change: impl FnOnce(&mut Description)) -> (Key, Bound) {
     (key, bound)
 }
 
-type NumberOf = fn(&mut Description) -> &mut f64;
+/// Key and bound that it violates with another number.
+fn refused_number(key: Key, value: f64) -> (Key, Bound) {
+    refused(|one| *number(one, key) = value)
+}
 
 /// Every number of a description that is above 0.
-const POSITIVE: [(Key, NumberOf); 13] = [
-    (Key::BeadMass, |one| &mut one.bead.mass),
-    (Key::IntruderMass, |one| &mut one.intruder.mass),
-    (Key::IntruderStiffness, |one| &mut one.intruder.stiffness),
-    (Key::IntruderDamping, |one| &mut one.intruder.damping),
-    (Key::ContactStiffness, |one| &mut one.contact.stiffness),
-    (Key::ForcePerCode, |one| &mut one.force.per_code),
-    (Key::WideForcePerCode, |one| &mut one.force.wide_per_code),
-    (Key::AccelerationPerCode, |one| &mut one.acceleration.per_code),
-    (Key::WideAccelerationPerCode, |one| {
-        &mut one.acceleration.wide_per_code
-    }),
-    (Key::Threshold, |one| &mut one.capture.threshold),
-    (Key::CompanyMass, |one| &mut one.company.mass),
-    (Key::CompanyStiffness, |one| &mut one.company.stiffness),
-    (Key::CompanyDamping, |one| &mut one.company.damping),
+const POSITIVE: [Key; 13] = [
+    Key::BeadMass,
+    Key::IntruderMass,
+    Key::IntruderStiffness,
+    Key::IntruderDamping,
+    Key::ContactStiffness,
+    Key::ForcePerCode,
+    Key::WideForcePerCode,
+    Key::AccelerationPerCode,
+    Key::WideAccelerationPerCode,
+    Key::Threshold,
+    Key::CompanyMass,
+    Key::CompanyStiffness,
+    Key::CompanyDamping,
 ];
 /// Every number that is 0 or more.
-const NOT_NEGATIVE: [(Key, NumberOf); 8] = [
-    (Key::ContactRelaxation, |one| &mut one.contact.relaxation),
-    (Key::ForcePole, |one| &mut one.force.pole),
-    (Key::WideForcePole, |one| &mut one.force.wide_pole),
-    (Key::AccelerationPole, |one| &mut one.acceleration.pole),
-    (Key::WideAccelerationPole, |one| &mut one.acceleration.wide_pole),
-    (Key::Lookback, |one| &mut one.capture.lookback),
-    (Key::History, |one| &mut one.capture.history),
-    (Key::Length, |one| &mut one.capture.length),
+const NOT_NEGATIVE: [Key; 8] = [
+    Key::ContactRelaxation,
+    Key::ForcePole,
+    Key::WideForcePole,
+    Key::AccelerationPole,
+    Key::WideAccelerationPole,
+    Key::Lookback,
+    Key::History,
+    Key::Length,
 ];
+
+/// The number of a description that has this key.
+fn number(one: &mut Description, key: Key) -> &mut f64 {
+    match key {
+        Key::BeadMass => &mut one.bead.mass,
+        Key::FrontMass => &mut one.bead.front_mass,
+        Key::IntruderMass => &mut one.intruder.mass,
+        Key::IntruderStiffness => &mut one.intruder.stiffness,
+        Key::IntruderDamping => &mut one.intruder.damping,
+        Key::ContactStiffness => &mut one.contact.stiffness,
+        Key::ContactRelaxation => &mut one.contact.relaxation,
+        Key::ForcePerCode => &mut one.force.per_code,
+        Key::WideForcePerCode => &mut one.force.wide_per_code,
+        Key::ForcePole => &mut one.force.pole,
+        Key::WideForcePole => &mut one.force.wide_pole,
+        Key::ForceNoise => &mut one.force.noise,
+        Key::AccelerationPerCode => &mut one.acceleration.per_code,
+        Key::WideAccelerationPerCode => &mut one.acceleration.wide_per_code,
+        Key::AccelerationPole => &mut one.acceleration.pole,
+        Key::WideAccelerationPole => &mut one.acceleration.wide_pole,
+        Key::AccelerationNoise => &mut one.acceleration.noise,
+        Key::Threshold => &mut one.capture.threshold,
+        Key::Lookback => &mut one.capture.lookback,
+        Key::History => &mut one.capture.history,
+        Key::Length => &mut one.capture.length,
+        Key::Disagreement => &mut one.capture.disagreement,
+        Key::RingFrequencyTolerance => &mut one.capture.ring_frequency_tolerance,
+        Key::RingDecayTolerance => &mut one.capture.ring_decay_tolerance,
+        Key::CompanyMass => &mut one.company.mass,
+        Key::CompanyStiffness => &mut one.company.stiffness,
+        Key::CompanyDamping => &mut one.company.damping,
+        _ => panic!("{key:?} is no f64"),
+    }
+}
 
 #[test]
 fn each_number_that_is_not_finite_or_has_the_wrong_sign_is_refused_by_its_key() {
-    for (key, number) in POSITIVE {
+    for key in POSITIVE {
         for value in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-            let (found, bound) = refused(|one| *number(one) = value);
+            let (found, bound) = refused_number(key, value);
             assert_eq!(found, key, "{value}");
             assert!(matches!(bound, Bound::Positive | Bound::NotNegative), "{bound:?}");
         }
     }
-    for (key, number) in NOT_NEGATIVE {
+    for key in NOT_NEGATIVE {
         for value in [-1e-9, f64::NAN, f64::INFINITY] {
-            assert_eq!(refused(|one| *number(one) = value), (key, Bound::NotNegative));
+            assert_eq!(refused_number(key, value), (key, Bound::NotNegative));
         }
     }
     for value in [0.0, -1.0, f32::NAN, f32::INFINITY] {
@@ -200,10 +233,10 @@ fn each_number_that_is_not_finite_or_has_the_wrong_sign_is_refused_by_its_key() 
 
 #[test]
 fn numbers_too_great_for_any_format_are_refused_and_break_nothing() {
-    for (key, number) in POSITIVE.into_iter().chain(NOT_NEGATIVE) {
+    for key in POSITIVE.into_iter().chain(NOT_NEGATIVE) {
         for value in [1e300, 1e-300, 1e38, 1e18] {
             let mut description = in_company();
-            *number(&mut description) = value;
+            *number(&mut description, key) = value;
             let found = Settings::new(&description);
             // Filters may be as fast as one likes, and a relaxation of 0 is elastic.
             let fast = value > 1.0 && key.path().ends_with("pole");
@@ -214,87 +247,60 @@ fn numbers_too_great_for_any_format_are_refused_and_break_nothing() {
 
 #[test]
 fn masses_address_places_flag_and_noise_have_their_limits() {
-    type Change = fn(&mut Description);
-    let host = |one: &Description| one.bead.mass - one.intruder.mass;
-    let of_supply = Bound::Range {
-        least: 1.8,
-        most: 3.6,
-    };
-    let refusals: [(Change, Key, Bound); 11] = [
-        (
-            |one| one.intruder.mass = one.bead.mass,
-            Key::IntruderMass,
-            Bound::BelowBead,
-        ),
-        (
-            |one| one.company.mass = one.bead.mass,
-            Key::CompanyMass,
-            Bound::BelowBead,
-        ),
-        (
-            |one| one.bead.front_mass = -1e-9,
-            Key::FrontMass,
-            Bound::BelowHost,
-        ),
-        (
-            |one| one.bead.front_mass = one.bead.mass - one.intruder.mass,
-            Key::FrontMass,
-            Bound::BelowHost,
-        ),
-        (|one| one.address = 255, Key::Address, Bound::OneBead),
-        (|one| one.company.behind = 17, Key::Behind, Bound::Places),
-        (|one| one.company.elsewhere = 2, Key::Elsewhere, Bound::Flag),
-        (
-            |one| one.supply = Some(Supply { voltage: 0.0 }),
-            Key::SupplyVoltage,
-            of_supply,
-        ),
-        (
-            |one| one.supply = Some(Supply { voltage: 5.0 }),
-            Key::SupplyVoltage,
-            of_supply,
-        ),
-        (
-            |one| one.supply = Some(Supply { voltage: f64::NAN }),
-            Key::SupplyVoltage,
-            of_supply,
-        ),
-        (
-            |one| one.capture.threshold = 0.4 * one.force.per_code,
-            Key::Threshold,
-            Bound::Codes,
-        ),
+    let mass = in_company().bead.mass;
+    let host = mass - in_company().intruder.mass;
+    let limits = [
+        (Key::IntruderMass, mass, Bound::BelowBead),
+        (Key::CompanyMass, mass, Bound::BelowBead),
+        (Key::FrontMass, -1e-9, Bound::BelowHost),
+        (Key::FrontMass, host, Bound::BelowHost),
+        (Key::Threshold, 0.4 * in_company().force.per_code, Bound::Codes),
     ];
-    for (change, key, bound) in refusals {
-        assert_eq!(refused(change), (key, bound));
+    for (key, value, bound) in limits {
+        assert_eq!(refused_number(key, value), (key, bound));
     }
-    assert!(paper().with(|one| one.bead.front_mass = 0.5 * host(one)).is_ok());
-    assert!(paper().with(|one| one.address = 254).is_ok());
-    assert!(paper().with(|one| one.company.elsewhere = 1).is_ok());
-    for noise in [-1e-3, 1.1e4, f64::INFINITY, f64::NAN] {
-        assert_eq!(refused(|one| one.force.noise = noise).0, Key::ForceNoise);
-        let found = refused(|one| one.acceleration.noise = noise);
-        assert_eq!(found.0, Key::AccelerationNoise);
+    assert_eq!(refused(|one| one.address = 255), (Key::Address, Bound::OneBead));
+    assert_eq!(
+        refused(|one| one.company.behind = 17),
+        (Key::Behind, Bound::Places)
+    );
+    assert_eq!(
+        refused(|one| one.company.elsewhere = 2),
+        (Key::Elsewhere, Bound::Flag)
+    );
+    let (least, most) = (1.8, 3.6);
+    for voltage in [0.0, 5.0, f64::NAN] {
+        let found = refused(|one| one.supply = Some(Supply { voltage }));
+        assert_eq!(found, (Key::SupplyVoltage, Bound::Range { least, most }));
+    }
+    let allowed = paper().with(|one| {
+        (one.bead.front_mass, one.address, one.company.elsewhere) = (0.5 * host, 254, 1);
+    });
+    assert!(allowed.is_ok());
+    for key in [Key::ForceNoise, Key::AccelerationNoise] {
+        for noise in [-1e-3, 1.1e4, f64::INFINITY, f64::NAN] {
+            assert_eq!(refused_number(key, noise).0, key);
+        }
     }
     // Its ring-down would have coefficients that are infinite.
     for stiffness in [4e-317, 9e-7, 2e15] {
-        let found = refused(|one| one.intruder.stiffness = stiffness);
-        assert_eq!(found.0, Key::IntruderStiffness);
+        assert_eq!(
+            refused_number(Key::IntruderStiffness, stiffness).0,
+            Key::IntruderStiffness
+        );
     }
 }
 
 #[test]
 fn each_time_and_the_threshold_are_allowed_up_to_their_limits_and_not_beyond() {
-    type Set = fn(&mut Capture, f64);
     // The paper's window has 160 scans of history and 672 in all.
-    let times: [(Key, Set, [u32; 2]); 3] = [
-        (Key::History, |capture, time| capture.history = time, [128, 256]),
-        (Key::Length, |capture, time| capture.length = time, [161, 1024]),
-        (Key::Lookback, |capture, time| capture.lookback = time, [1, 159]),
-    ];
-    for (key, set, [least, most]) in times {
+    for (key, least, most) in [
+        (Key::History, 128, 256),
+        (Key::Length, 161, 1024),
+        (Key::Lookback, 1, 159),
+    ] {
         for samples in [0, least - 1, least, most, most + 1, 70_000] {
-            let found = paper().with(|one| set(&mut one.capture, f64::from(samples) * 1e-5));
+            let found = paper().with(|one| *number(one, key) = f64::from(samples) * 1e-5);
             let expected = (least..=most).contains(&samples);
             assert_eq!(found.is_ok(), expected, "{key:?}: {samples}");
             assert!(expected || found.unwrap_err().key == key, "{key:?}: {samples}");
@@ -336,33 +342,28 @@ fn the_noise_of_the_front_end_makes_the_gate() {
 
 #[test]
 fn poles_and_units_have_their_limits() {
-    for (number, key, unit) in [
-        (POSITIVE[5].1, Key::ForcePole, Key::ForcePerCode),
-        (POSITIVE[6].1, Key::WideForcePole, Key::WideForcePerCode),
-        (POSITIVE[7].1, Key::AccelerationPole, Key::AccelerationPerCode),
-        (
-            POSITIVE[8].1,
-            Key::WideAccelerationPole,
-            Key::WideAccelerationPerCode,
-        ),
+    for (pole, unit) in [
+        (Key::ForcePole, Key::ForcePerCode),
+        (Key::WideForcePole, Key::WideForcePerCode),
+        (Key::AccelerationPole, Key::AccelerationPerCode),
+        (Key::WideAccelerationPole, Key::WideAccelerationPerCode),
     ] {
-        let pole = NOT_NEGATIVE.iter().find(|(other, _)| *other == key).unwrap().1;
         // The slope is as great as the unit at a lag of two samples: f_s/4π.
-        let is_wide = key.path().ends_with("wide_pole");
+        let is_wide = pole.path().ends_with("wide_pole");
         let delay = if is_wide { 27.0 / 21e6 } else { 0.0 };
         let slowest = 1.0 / (std::f64::consts::TAU * (2e-5 + delay));
-        let faster = paper().with(|one| *pole(one) = 1.0001 * slowest);
-        assert!(faster.is_ok(), "{key:?}");
+        let faster = paper().with(|one| *number(one, pole) = 1.0001 * slowest);
+        assert!(faster.is_ok(), "{pole:?}");
         for pole_hz in [0.9999 * slowest, 1e-300] {
-            assert_eq!(refused(|one| *pole(one) = pole_hz), (key, Bound::Pole));
+            assert_eq!(refused_number(pole, pole_hz), (pole, Bound::Pole));
         }
         // The codes of both channels, with their slopes, stay below the range of the sums.
         let is_force = matches!(unit, Key::ForcePerCode | Key::WideForcePerCode);
-        let (found, bound) = refused(|one| *number(one) = if is_force { 2.0 } else { 32.0 });
+        let (found, bound) = refused_number(unit, if is_force { 2.0 } else { 32.0 });
         assert!(matches!(bound, Bound::Unit { .. }), "{bound:?}");
         assert_eq!(found, unit);
         if !is_force {
-            assert_eq!(refused(|one| *number(one) = 16.1), (unit, Bound::Reach));
+            assert_eq!(refused_number(unit, 16.1), (unit, Bound::Reach));
         }
     }
     // A small bead has less room for its force.
@@ -403,39 +404,15 @@ fn a_wave_that_is_too_short_is_refused_with_its_width() {
 
 #[test]
 fn a_coefficient_outside_its_format_blames_the_setting_that_it_follows_from() {
-    for (number, value, key, expected) in [
-        (
-            POSITIVE[2].1,
-            1e12,
-            Key::IntruderStiffness,
-            Coefficient::Stiffness,
-        ),
-        (
-            NOT_NEGATIVE[0].1,
-            1e-12,
-            Key::ContactRelaxation,
-            Coefficient::Relaxation,
-        ),
-        (
-            POSITIVE[11].1,
-            1e12,
-            Key::CompanyStiffness,
-            Coefficient::CompanyStiffness,
-        ),
-        (
-            POSITIVE[12].1,
-            1e9,
-            Key::CompanyDamping,
-            Coefficient::CompanyDamping,
-        ),
-        (
-            POSITIVE[10].1,
-            0.999_99 * Bead::paper().mass,
-            Key::CompanyMass,
-            Coefficient::CompanyRatio,
-        ),
+    let almost_all = 0.999_99 * Bead::paper().mass;
+    for (key, value, expected) in [
+        (Key::IntruderStiffness, 1e12, Coefficient::Stiffness),
+        (Key::ContactRelaxation, 1e-12, Coefficient::Relaxation),
+        (Key::CompanyStiffness, 1e12, Coefficient::CompanyStiffness),
+        (Key::CompanyDamping, 1e9, Coefficient::CompanyDamping),
+        (Key::CompanyMass, almost_all, Coefficient::CompanyRatio),
     ] {
-        let (found, bound) = refused(|one| *number(one) = value);
+        let (found, bound) = refused_number(key, value);
         let Bound::Format { coefficient, .. } = bound else {
             panic!("{bound:?}");
         };
@@ -445,19 +422,13 @@ fn a_coefficient_outside_its_format_blames_the_setting_that_it_follows_from() {
 
 #[test]
 fn a_limit_is_the_nearest_number_of_its_format_and_none_that_means_nothing() {
-    type Limit = fn(&mut Capture) -> &mut f64;
-    let limits: [(Key, Limit); 3] = [
-        (Key::Disagreement, |capture| &mut capture.disagreement),
-        (Key::RingFrequencyTolerance, |capture| {
-            &mut capture.ring_frequency_tolerance
-        }),
-        (Key::RingDecayTolerance, |capture| {
-            &mut capture.ring_decay_tolerance
-        }),
-    ];
-    for (key, limit) in limits {
+    for key in [
+        Key::Disagreement,
+        Key::RingFrequencyTolerance,
+        Key::RingDecayTolerance,
+    ] {
         for (value, bits) in [(0.001, 66), (0.015, 983), (0.3, 19_661), (1e4, 655_360_000)] {
-            let settings = paper().with(|one| *limit(&mut one.capture) = value).unwrap();
+            let settings = paper().with(|one| *number(one, key) = value).unwrap();
             let found = match key {
                 Key::Disagreement => settings.disagreement,
                 Key::RingDecayTolerance => settings.ringing.decay_tolerance,
@@ -467,7 +438,7 @@ fn a_limit_is_the_nearest_number_of_its_format_and_none_that_means_nothing() {
         }
         for value in [0.0, -0.25, 9e-4, 2e4, f64::INFINITY, f64::NAN] {
             let (least, most) = (1e-3, 1e4);
-            let found = refused(|one| *limit(&mut one.capture) = value);
+            let found = refused_number(key, value);
             assert_eq!(found, (key, Bound::Range { least, most }), "{value}");
         }
     }

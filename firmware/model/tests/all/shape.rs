@@ -29,7 +29,7 @@ fn errors(speed: f64, stiffness: f64, range: f64, noise: f64) -> [f64; 5] {
     let settings = derive(&Bead::paper(), &front_end, &Capture::default()).unwrap();
     let (mut random, normal) = (ChaCha8Rng::seed_from_u64(1), Normal::new(0.0, noise).unwrap());
     let scans = (0..LENGTH).map(|n| {
-        let [force, acceleration] = felt(&solution, (f64::from(n) - LEAD) / RATE);
+        let [force, acceleration] = felt(&solution, HOST, (f64::from(n) - LEAD) / RATE);
         let mut noise = |per_code: f64| per_code * normal.sample(&mut random);
         scan(
             &front_end,

@@ -4,11 +4,14 @@
 //! The chain of the wrong beads is a small one of its own, RK4 in f64, whose intruder may be held by
 //! anything.
 
+use std::array;
 use std::f64::consts::TAU;
 
-use crate::sensed::{HOST, front_end, scan};
+use crate::sensed::{HOST, felt, front_end, scan};
 use bead_model::converter::CONVERSION;
-use bead_model::design::{Bead, Capture, FrontEnd, Intruder, Neighbours, Surroundings, derive, derive_among};
+use bead_model::design::{
+    Bead, Capture, FrontEnd, Intruder, Neighbours, SensorScale, Surroundings, derive, derive_among,
+};
 use bead_model::reduced_chain::FOLLOWERS;
 use bead_model::{Energy, Scan, StrikeFlags};
 use bead_testing::Collector;
@@ -19,8 +22,9 @@ use rand_distr::{Distribution, Normal};
 
 /// Beads before and behind [`HOST`], with the striker.
 const BEADS: usize = 24;
-const STEP: f64 = 1e-6;
-const STEPS: usize = 8000;
+/// Step, s: 35 of them in a sample, and nine in two conversions.
+const STEP: f64 = 1e-5 / 35.0;
+const SAMPLES: usize = 800;
 /// Quiet before the strike, samples.
 const LEAD: usize = 400;
 
@@ -28,96 +32,64 @@ const LEAD: usize = 400;
 /// of its own, with the derivative of that state.
 type Hold<'a> = dyn Fn(f64, f64, f64) -> [f64; 2] + 'a;
 
-/// A force (N) and an acceleration (m/s²) for each sample, and the energy that the intruder's `hold` took, J.
-struct Felt {
-    signals: Vec<[f64; 2]>,
-    absorbed: f64,
-}
+/// Displacements and velocities of the beads and of the intruder, the state of its hold, and the energy that
+/// the hold took, J.
+type State = [f64; 2 * BEADS + 4];
 
-/// The paper's chain, whose bead [`HOST`] holds an intruder by `hold`.
-fn chain(bead: &Bead, hold: &Hold<'_>) -> Felt {
+/// Force (N) and acceleration (m/s²) of each sample in the paper's chain, whose bead [`HOST`] holds an
+/// intruder by `hold`, and the energy that the hold took, J.
+fn chain(bead: &Bead, hold: &Hold<'_>) -> (Vec<[f64; 2]>, f64) {
     const INTRUDER: usize = BEADS;
-    let striker = Bead {
-        mass: 2.976e-3,
-        ..*bead
-    };
+    const HELD: usize = 2 * BEADS + 2;
     let mass = |body: usize| match body {
-        0 => striker.mass,
+        0 => 2.976e-3,
         HOST => bead.mass - bead.intruder_mass,
         INTRUDER => bead.intruder_mass,
         _ => bead.mass,
     };
-    // Displacements, velocities, and the state of the hold.
-    let push = |state: &[f64]| {
+    // Force and acceleration as sensed, and the slope of the state.
+    let now = |state: &State| {
         let (x, v) = state.split_at(BEADS + 1);
-        let mut forces = [0.0; BEADS + 1];
+        let mut slope = [0.0; 2 * BEADS + 4];
+        slope[..=BEADS].copy_from_slice(&v[..=BEADS]);
+        let mut push = |body: usize, force: f64| slope[BEADS + 1 + body] += force / mass(body);
         let mut incoming = 0.0;
         for body in 0..BEADS - 1 {
             let overlap = x[body] - x[body + 1];
             if overlap > 0.0 {
-                let rate = v[body] - v[body + 1];
-                let force =
-                    bead.contact_stiffness * overlap.sqrt() * (overlap + 1.5 * bead.relaxation * rate);
-                forces[body] -= force;
-                forces[body + 1] += force;
+                let viscous = 1.5 * bead.relaxation * (v[body] - v[body + 1]);
+                let force = bead.contact_stiffness * overlap.sqrt() * (overlap + viscous);
+                push(body, -force);
+                push(body + 1, force);
                 if body + 1 == HOST {
                     incoming = force;
                 }
             }
         }
-        let (relative, velocity) = (x[INTRUDER] - x[HOST], v[INTRUDER] - v[HOST]);
-        let [held, change] = hold(relative, velocity, v[BEADS + 1]);
-        forces[INTRUDER] += held;
-        forces[HOST] -= held;
-        (forces, incoming, held, change, -held * velocity)
+        let velocity = v[INTRUDER] - v[HOST];
+        let [held, change] = hold(x[INTRUDER] - x[HOST], velocity, state[HELD]);
+        push(INTRUDER, held);
+        push(HOST, -held);
+        slope[HELD..].copy_from_slice(&[change, -held * velocity]);
+        ([incoming, held / bead.intruder_mass], slope)
     };
-    let slope = |state: &[f64]| {
-        let (forces, _, _, change, power) = push(state);
-        let mut slope = state[BEADS + 1..2 * BEADS + 2].to_vec();
-        slope.extend(forces.iter().enumerate().map(|(body, force)| force / mass(body)));
-        slope.extend([change, power]);
-        slope
-    };
-    let mut state = vec![0.0; 2 * BEADS + 4];
+    let mut state = [0.0; 2 * BEADS + 4];
     state[BEADS + 1] = 0.45;
-    let (mut forces, mut accelerations) = (vec![], vec![]);
-    for _ in 0..STEPS {
-        let (_, incoming, held, ..) = push(&state);
-        forces.push(incoming);
-        accelerations.push(held / bead.intruder_mass);
-        let along = |by: f64, slope: &[f64]| -> Vec<f64> {
-            state
-                .iter()
-                .zip(slope)
-                .map(|(value, rate)| value + by * rate)
-                .collect()
-        };
-        let first = slope(&state);
-        let second = slope(&along(0.5 * STEP, &first));
-        let third = slope(&along(0.5 * STEP, &second));
-        let fourth = slope(&along(STEP, &third));
-        for at in 0..state.len() {
-            state[at] += STEP / 6.0 * (first[at] + 2.0 * second[at] + 2.0 * third[at] + fourth[at]);
-        }
+    let mut sensed = Vec::new();
+    for _ in 0..35 * SAMPLES + 10 {
+        let along = |by: f64, slope: &State| array::from_fn(|at| state[at] + by * slope[at]);
+        let (signals, first) = now(&state);
+        let (_, second) = now(&along(0.5 * STEP, &first));
+        let (_, third) = now(&along(0.5 * STEP, &second));
+        let (_, fourth) = now(&along(STEP, &third));
+        sensed.push(signals);
+        state = array::from_fn(|at| {
+            state[at] + STEP / 6.0 * (first[at] + 2.0 * second[at] + 2.0 * third[at] + fourth[at])
+        });
     }
-    let between = |values: &[f64], time: f64| {
-        let (at, part) = ((time / STEP) as usize, (time / STEP).fract());
-        match values.get(at..at + 2) {
-            Some(near) => near[0] + part * (near[1] - near[0]),
-            None => 0.0,
-        }
-    };
-    let signals = (0..STEPS / 10).map(|sample| {
-        let time = sample as f64 * 1e-5;
-        [
-            between(&forces, time),
-            between(&accelerations, time + 2.0 * CONVERSION),
-        ]
-    });
-    Felt {
-        signals: signals.collect(),
-        absorbed: state[2 * BEADS + 3],
-    }
+    let samples = (0..35 * SAMPLES).step_by(35);
+    let samples = samples.map(|at| [sensed[at][0], sensed[at + 9][1]]);
+    (samples.collect(), state[HELD + 1])
 }
 
 /// A bead that is not what its settings say: what differs, as a factor, a part or a force (N).
@@ -182,15 +154,14 @@ fn a_bead_that_is_not_what_its_settings_say_is_told_by_its_wave_form_though_both
                 (x - arm) / ARM_TIME,
             ]
         };
-        let felt = chain(&paper, &hold);
-        let quiet = std::iter::repeat_n([0.0; 2], LEAD);
-        let scans: Vec<Scan> = quiet
-            .chain(felt.signals)
+        let (sensed, absorbed) = chain(&paper, &hold);
+        let scans: Vec<Scan> = std::iter::repeat_n([0.0; 2], LEAD)
+            .chain(sensed)
             .map(|[force, acceleration]| scan(&front_end, [force, wrong.gain * acceleration]))
             .collect();
         let heard = Collector::measure(&settings, 0, &scans);
         let (strike, waveform) = (heard.reports[0], heard.shapes[0].waveform.unwrap());
-        let off = |energy: Energy| 100.0 * (energy.joules() / felt.absorbed - 1.0);
+        let off = |energy: Energy| 100.0 * (energy.joules() / absorbed - 1.0);
         let residual = 100.0 * waveform.residual.ratio();
         println!(
             "{name}: A {:+.2} %, B {:+.2} %, residual {residual:.2} %, {:?}",
@@ -217,37 +188,16 @@ fn codes(scenario: &Scenario, host: usize, phase: u32) -> (FrontEnd, Vec<Scan>) 
     let samples = LEAD + (solution.end() * 1e5) as usize;
     let scans = (0..samples).map(|sample| {
         let time = (sample as f64 - LEAD as f64 + f64::from(phase) / 8.0) * 1e-5;
-        let at = |time: f64| (time >= 0.0).then(|| solution.at(time.min(solution.end())));
-        let force = at(time).map_or(0.0, |now| now.force(host));
-        let acceleration = at(time + 2.0 * CONVERSION);
-        let acceleration = acceleration.map_or(0.0, |now| now.intruder_acceleration(host).unwrap());
-        let (force_zero, acceleration_zero) = (128.3, 2048.2);
-        let FrontEnd {
-            force: of_force,
-            acceleration: of_acceleration,
-        } = front_end;
-        Scan::new(
-            [
-                (force, of_force.noise, of_force.per_code, force_zero),
-                (force, of_force.noise, of_force.wide_per_code, force_zero),
-                (
-                    acceleration,
-                    of_acceleration.noise,
-                    of_acceleration.per_code,
-                    acceleration_zero,
-                ),
-                (
-                    acceleration,
-                    of_acceleration.noise,
-                    of_acceleration.wide_per_code,
-                    acceleration_zero,
-                ),
-            ]
-            .map(|(value, noise, per_code, zero)| {
-                let code = (value + noise * normal.sample(&mut random)) / per_code + zero;
+        let [force, acceleration] = felt(&solution, host, time);
+        let mut codes = |value: f64, sensor: &SensorScale, zero: f64| {
+            [sensor.per_code, sensor.wide_per_code].map(|per_code| {
+                let code = (value + sensor.noise * normal.sample(&mut random)) / per_code + zero;
                 code.round().clamp(0.0, 4095.0) as u16
-            }),
-        )
+            })
+        };
+        let [force, force_wide] = codes(force, &front_end.force, 128.3);
+        let [acceleration, acceleration_wide] = codes(acceleration, &front_end.acceleration, 2048.2);
+        Scan::new([force, force_wide, acceleration, acceleration_wide])
     });
     (front_end, scans.collect())
 }
