@@ -245,10 +245,7 @@ impl Settings {
     /// No intact block of this version, or settings that [`Self::new`] refuses.
     pub fn decode(bytes: &[u8]) -> Result<Self, SettingsError> {
         let description = Self::described(bytes)?;
-        match Self::new(&description) {
-            Ok(settings) => Ok(settings),
-            Err(violation) => Err(violation.into()),
-        }
+        Ok(Self::new(&description)?)
     }
 
     /// The description in a block. Never inlined: its buffer would be on the stack while settings are

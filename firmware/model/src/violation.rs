@@ -1,7 +1,5 @@
 //! Which setting is refused, and which bound it violates.
 
-use core::fmt;
-
 macro_rules! keys {
     ($($name:ident $path:literal)*) => {
         /// A setting that the owner states, by its place in `bead.toml`.
@@ -123,18 +121,23 @@ pub enum Coefficient {
     CompanyRatio,
 }
 
-/// A bound of a setting.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// A bound of a setting. Its text is about a setting that violates it.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum Bound {
     /// Finite and above 0.
+    #[error("must be above 0")]
     Positive,
     /// Finite, and 0 or more.
+    #[error("must be 0 or more")]
     NotNegative,
     /// Below the mass of the bead.
+    #[error("must be below the mass of the bead")]
     BelowBead,
     /// 0 or more, and below the mass of the bead without its intruder.
+    #[error("must be a part of the bead's mass without its intruder")]
     BelowHost,
     /// From `least` to `most`, in the unit of the setting.
+    #[error("is out of its range")]
     Range {
         /// The least allowed value.
         least: f64,
@@ -142,23 +145,31 @@ pub enum Bound {
         most: f64,
     },
     /// Not 255, the address of every bead.
+    #[error("is 255, the address of every bead")]
     OneBead,
     /// Text without control characters.
+    #[error("is not UTF-8, or has a control character")]
     Text,
     /// Digits from 1 to 6, each at most once.
+    #[error("names no beads behind")]
     Places,
     /// 0 to 6.
+    #[error("is not the place of one of the six beads behind")]
     Place,
     /// At least 1/64 of the mass of the bead.
+    #[error("must be at least 1/64 of the mass of the bead")]
     NotLight,
     /// 0 or 1.
+    #[error("must be 0 or 1")]
     Flag,
     /// A wave of 1 m/s at least [`LEAST_WIDTH`](crate::physics::LEAST_WIDTH) samples wide.
+    #[error("makes a wave of 1 m/s too short for the sample rate")]
     Width {
         /// Full width at half its height, samples.
         samples: f64,
     },
     /// A coefficient that its format holds to 1e-4 of itself.
+    #[error("gives a coefficient that its format does not hold")]
     Format {
         /// The coefficient.
         coefficient: Coefficient,
@@ -168,87 +179,55 @@ pub enum Bound {
         range: [f64; 2],
     },
     /// A unit per code that its format holds to 1e-4 of itself.
+    #[error("does not fit its format")]
     Unit {
         /// Range of the format, in the unit of the setting.
         range: [f64; 2],
     },
     /// A pole above f_s/4π.
+    #[error("is below f_s/4π")]
     Pole,
     /// Codes that reach less far than the sums: 32 kN, less for a small bead, or 65 km/s².
+    #[error("gives codes that reach beyond 32 kN, for a small bead less, or 65 km/s²")]
     Reach,
     /// A history of at least 128 samples.
+    #[error("is shorter than 128 samples: 64 for the zeros, 32 for the noise, 32 of the wave's foot")]
     LongHistory,
     /// A history of at most 256 samples.
+    #[error("is longer than 256 samples")]
     ShortHistory,
     /// A window longer than its history.
+    #[error("is not longer than the history")]
     LongWindow,
     /// A window of at most 1024 samples.
+    #[error("is longer than 1024 samples")]
     ShortWindow,
     /// A time above 0 and below the history.
+    #[error("is not between 0 and the history")]
     Lookback,
     /// A rise of 1 to 4095 codes.
+    #[error("is not a rise of 1 to 4095 codes")]
     Codes,
     /// A rise of at least twice the gate: six standard deviations of the noise.
+    #[error("is within the noise: below twice the gate, six standard deviations")]
     AboveNoise,
     /// Not before the day of the calibration.
+    #[error("is before the calibration")]
     AfterCalibration,
     /// With the two other correlations a matrix of correlations: positive semidefinite.
+    #[error("is not possible beside the two other correlations")]
     Correlations,
 }
 
-impl Bound {
-    /// Text about a setting that violates the bound.
-    pub const fn text(&self) -> &'static str {
-        match self {
-            Self::Positive => "must be above 0",
-            Self::NotNegative => "must be 0 or more",
-            Self::BelowBead => "must be below the mass of the bead",
-            Self::BelowHost => "must be a part of the bead's mass without its intruder",
-            Self::Range { .. } => "is out of its range",
-            Self::OneBead => "is 255, the address of every bead",
-            Self::Text => "is not UTF-8, or has a control character",
-            Self::Places => "names no beads behind",
-            Self::Place => "is not the place of one of the six beads behind",
-            Self::NotLight => "must be at least 1/64 of the mass of the bead",
-            Self::Flag => "must be 0 or 1",
-            Self::Width { .. } => "makes a wave of 1 m/s too short for the sample rate",
-            Self::Format { .. } => "gives a coefficient that its format does not hold",
-            Self::Unit { .. } => "does not fit its format",
-            Self::Pole => "is below f_s/4π",
-            Self::Reach => "gives codes that reach beyond 32 kN, for a small bead less, or 65 km/s²",
-            Self::LongHistory => {
-                "is shorter than 128 samples: 64 for the zeros, 32 for the noise, 32 of the wave's foot"
-            }
-            Self::ShortHistory => "is longer than 256 samples",
-            Self::LongWindow => "is not longer than the history",
-            Self::ShortWindow => "is longer than 1024 samples",
-            Self::Lookback => "is not between 0 and the history",
-            Self::Codes => "is not a rise of 1 to 4095 codes",
-            Self::AfterCalibration => "is before the calibration",
-            Self::Correlations => "is not possible beside the two other correlations",
-            Self::AboveNoise => "is within the noise: below twice the gate, six standard deviations",
-        }
-    }
-}
-
 /// A setting outside its bound. Its text has no numbers: formatting those would take 4 KiB of the image.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error("{} {bound}", key.path())]
 pub struct Violation {
     /// The setting.
     pub key: SettingKey,
     /// The bound.
     pub bound: Bound,
 }
-
-impl fmt::Display for Violation {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.key.path())?;
-        f.write_str(" ")?;
-        f.write_str(self.bound.text())
-    }
-}
-
-impl core::error::Error for Violation {}
 
 /// Checks that each value is finite and `holds`. Never inlined: the loop would be unrolled for each list,
 /// which takes 2 KiB of the image.

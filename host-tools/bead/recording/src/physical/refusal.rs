@@ -17,7 +17,7 @@ pub fn refusal(description: &Description, violation: Violation) -> InputError {
     let text = shown(&value(description, key));
     let value = text.trim_end_matches(".0");
     let at = |what: String, advice: &str| InputError::at(key.path(), what, advice);
-    let is = |advice: &str| at(format!("{value} {}", bound.text()), advice);
+    let is = |advice: &str| at(format!("{value} {bound}"), advice);
     let out_of_range = |advice: &str| at(format!("{value} is out of range"), advice);
     match bound {
         Bound::Positive => out_of_range("give a value that is positive"),
@@ -69,7 +69,7 @@ pub fn refusal(description: &Description, violation: Violation) -> InputError {
             at(what, UNIT)
         }
         Bound::Pole => {
-            let what = format!("{value} Hz {}", bound.text());
+            let what = format!("{value} Hz {bound}");
             at(what, "give a pole of 8000 Hz or more, or 0 for no filter")
         }
         Bound::Reach => is(UNIT),
