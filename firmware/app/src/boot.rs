@@ -208,7 +208,7 @@ impl BootRecord {
             self.detail_length,
         ];
         let (words, detail) = (words.map(u32::to_le_bytes), self.detail.map(u32::to_le_bytes));
-        checksum_of([words.as_flattened(), detail.as_flattened()])
+        checksum_of(&[words.as_flattened(), detail.as_flattened()])
     }
 
     fn last_fault(&self) -> Option<BootFault> {
