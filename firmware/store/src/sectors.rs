@@ -178,6 +178,7 @@ mod tests {
     use bead_testing::PowerCutFlash;
 
     const SECTOR: usize = 1024;
+
     /// The store is the middle of four sectors.
     const RANGE: Range<u32> = SECTOR as u32..3 * SECTOR as u32;
 
@@ -215,15 +216,6 @@ mod tests {
     }
 
     #[test]
-    fn a_sector_is_blank_if_all_of_it_is() {
-        for at in [0, 3, 255, 256, 1020, 1023] {
-            let mut sectors = sectors(&[[at, at + 1]]);
-            let blank = sectors.each().map(|sector| sectors.is_blank(&sector).unwrap());
-            assert_eq!(blank, [false, true], "{at}");
-        }
-    }
-
-    #[test]
     fn half_of_the_bits_of_the_last_byte_close_a_sector() {
         for zeros in 0..=8_u32 {
             let mut sectors = sectors(&[]);
@@ -249,17 +241,6 @@ mod tests {
             (&[[1024, 1424]], 620),
         ] {
             assert_eq!(sectors(zeros).room().unwrap(), room, "{zeros:?}");
-        }
-    }
-
-    #[test]
-    fn a_sector_that_is_alone_hides_the_other() {
-        let mut sectors = sectors(&[[0, 2 * SECTOR]]);
-        sectors.alone = Some(1024..2048);
-        let mut byte = [7];
-        for (offset, seen) in [(1023, BLANK), (1024, 0), (2047, 0), (2048, BLANK)] {
-            sectors.read(offset, &mut byte).unwrap();
-            assert_eq!(byte, [seen], "{offset}");
         }
     }
 }

@@ -43,21 +43,13 @@ impl Secret {
 
     /// The secret in a record, and the rest of it.
     fn split(record: &[u8]) -> (Option<Self>, &[u8]) {
-        let Some((head, block)) = record
-            .split_first_chunk::<HEAD>()
-            .filter(|(head, _)| head[..4] == MAGIC)
-        else {
-            return (None, record);
-        };
-        let mut secret = Self {
-            key: [0; 16],
-            counter: 0,
-        };
-        secret.key.copy_from_slice(&head[4..20]);
-        let mut counter = [0; 8];
-        counter.copy_from_slice(&head[20..]);
-        secret.counter = u64::from_le_bytes(counter);
-        (Some(secret), block)
+        let parts = record.strip_prefix(&MAGIC).and_then(|rest| {
+            let (key, rest) = rest.split_first_chunk()?;
+            let (counter, block) = rest.split_first_chunk()?;
+            let (key, counter) = (*key, u64::from_le_bytes(*counter));
+            Some((Self { key, counter }, block))
+        });
+        parts.map_or((None, record), |(secret, block)| (Some(secret), block))
     }
 }
 

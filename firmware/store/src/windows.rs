@@ -662,17 +662,6 @@ mod tests {
     }
 
     #[test]
-    fn the_first_window_stays_beside_the_second_over_a_reset() {
-        let mut memory = memory(&mut 15);
-        keep(&mut Windows::new(&mut memory, false), &of(0, &[20, 30]));
-        let mut windows = Windows::new(&mut memory, true);
-        keep(&mut windows, &of(1, &[40]));
-        let both = [of(0, &[20, 30]), of(1, &[40])];
-        assert_eq!(all(&windows), both);
-        assert_eq!(all(&Windows::new(&mut memory, true)), both);
-    }
-
-    #[test]
     fn a_window_is_filled_from_its_opening_until_it_is_closed_or_given_up() {
         let mut memory = memory(&mut 17);
         let mut windows = Windows::new(&mut memory, false);

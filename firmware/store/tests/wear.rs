@@ -5,7 +5,8 @@
 use std::ops::Range;
 
 use bead_store::{Store, StoreError};
-use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash};
+use bead_testing::{FlashFailure, PowerCutFlash};
+use embedded_storage::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 
 const SECTOR: usize = 1024;
 const SIZE: usize = 2 * SECTOR;
@@ -38,7 +39,7 @@ const WEAKNESSES: [Weakness; 4] = [
 /// Flash whose sectors bear a number of erases. Each further one makes a word of it fail.
 #[derive(Clone)]
 struct Worn {
-    bytes: Vec<u8>,
+    flash: PowerCutFlash<SECTOR>,
     /// Erases that each sector still bears.
     left: [u32; 2],
     weakness: Weakness,
@@ -48,23 +49,14 @@ struct Worn {
     random: u32,
 }
 
-#[derive(Debug)]
-struct Refused;
-
-impl NorFlashError for Refused {
-    fn kind(&self) -> NorFlashErrorKind {
-        NorFlashErrorKind::Other
-    }
-}
-
 impl ErrorType for Worn {
-    type Error = Refused;
+    type Error = FlashFailure;
 }
 
 impl Worn {
     fn new(number: u32) -> Self {
         let mut flash = Self {
-            bytes: vec![0xFF; SIZE],
+            flash: PowerCutFlash::blank(2),
             left: [0; 2],
             weakness: WEAKNESSES[number as usize % WEAKNESSES.len()],
             failed: vec![0; SIZE],
@@ -85,10 +77,8 @@ impl Worn {
 impl ReadNorFlash for Worn {
     const READ_SIZE: usize = 1;
 
-    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), Refused> {
-        let offset = offset as usize;
-        bytes.copy_from_slice(&self.bytes[offset..offset + bytes.len()]);
-        Ok(())
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), FlashFailure> {
+        self.flash.read(offset, bytes)
     }
 
     fn capacity(&self) -> usize {
@@ -100,7 +90,7 @@ impl NorFlash for Worn {
     const WRITE_SIZE: usize = 4;
     const ERASE_SIZE: usize = SECTOR;
 
-    fn erase(&mut self, from: u32, to: u32) -> Result<(), Refused> {
+    fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashFailure> {
         for start in (from as usize..to as usize).step_by(SECTOR) {
             let left = &mut self.left[start / SECTOR];
             if *left > 0 {
@@ -114,20 +104,20 @@ impl NorFlash for Worn {
             }
             for at in start..start + SECTOR {
                 let low = self.weakness == Weakness::StaysLow;
-                self.bytes[at] = if low { !self.failed[at] } else { 0xFF };
+                self.flash.bytes[at] = if low { !self.failed[at] } else { 0xFF };
             }
         }
         Ok(())
     }
 
-    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), Refused> {
+    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FlashFailure> {
         assert!(offset.is_multiple_of(4) && bytes.len().is_multiple_of(4));
         for (at, &byte) in (offset as usize..).zip(bytes) {
-            let meant = self.bytes[at] & byte;
+            let meant = self.flash.bytes[at] & byte;
             let low = self.weakness == Weakness::StaysLow;
-            self.bytes[at] = if low { meant } else { meant | self.failed[at] };
-            if self.weakness == Weakness::Told && self.bytes[at] != meant {
-                return Err(Refused);
+            self.flash.bytes[at] = if low { meant } else { meant | self.failed[at] };
+            if self.weakness == Weakness::Told && self.flash.bytes[at] != meant {
+                return Err(FlashFailure);
             }
         }
         Ok(())
