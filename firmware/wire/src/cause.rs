@@ -103,9 +103,20 @@ impl Rejected {
 mod tests {
     use super::*;
 
-    /// As many rejects of each cause as a power of two says, so that no sum can be another one.
-    fn each(times: u64) -> Rejected {
+    #[test]
+    fn rejects_are_counted_by_cause_and_in_all_and_those_of_two_lines_are_added() {
         use Cause::{Body, Cobs, Crc, Kind, TooLong, TooShort, Trailing, Version};
+        // Powers of two, so that no sum can be another one.
+        let each = |times: u64| Rejected {
+            too_long: times,
+            cobs: 2 * times,
+            too_short: 4 * times,
+            crc: 8 * times,
+            version: 16 * times,
+            kind: 32 * times,
+            body: 64 * times,
+            trailing: 128 * times,
+        };
         let causes = [
             TooLong,
             Cobs,
@@ -116,26 +127,11 @@ mod tests {
             Body,
             Trailing,
         ];
-        let mut rejected = Rejected::default();
-        for (cause, many) in causes.into_iter().zip((0..).map(|power| 1 << power)) {
-            (0..times * many).for_each(|_| rejected.count(cause));
+        let mut counted = Rejected::default();
+        for (power, cause) in causes.into_iter().enumerate() {
+            (0..1 << power).for_each(|_| counted.count(cause));
         }
-        rejected
-    }
-
-    #[test]
-    fn rejects_are_counted_by_cause_and_in_all_and_those_of_two_lines_are_added() {
-        let one = Rejected {
-            too_long: 1,
-            cobs: 2,
-            too_short: 4,
-            crc: 8,
-            version: 16,
-            kind: 32,
-            body: 64,
-            trailing: 128,
-        };
-        assert_eq!((each(1), one.total()), (one, 255));
-        assert_eq!(one.and(&each(2)), each(3));
+        assert_eq!((counted, counted.total()), (each(1), 255));
+        assert_eq!(counted.and(&each(2)), each(3));
     }
 }

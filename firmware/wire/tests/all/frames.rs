@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
-use crate::common::{STEP, decode, filler, message};
+use crate::common::{STEP, decode, message};
 use bead_wire::{
     BufferTooSmall, Cause, Decoder, FaultCause, Fetched, Frame, Header, Inner, MAX_BLOCK, MAX_DETAIL,
     MAX_FRAME, Message, Outcome, StrikeFlags, Text, VERSION, encode,
@@ -121,16 +121,6 @@ fn each_kind_of_damage_is_refused_by_its_name() {
     flipped[last] ^= 1;
     assert_eq!(cause(&flipped), Some(Cause::Crc));
     assert_eq!(cause(&[&[1; MAX_FRAME][..], &[0]].concat()), Some(Cause::TooLong));
-}
-
-#[test]
-fn a_frame_whose_crc_is_right_is_not_lost_though_its_kind_is_unknown() {
-    let unknown = by_hand(VERSION, 99, 1, b"from tomorrow");
-    let mut decoder = Decoder::new();
-    let stream = [filler(0, 0), unknown, filler(0, 2)].concat();
-    assert_eq!(decode(&mut decoder, &stream).0, [0, 2]);
-    let counters = decoder.counters();
-    assert_eq!((counters.lost, counters.rejected.kind), (0, 1));
 }
 
 fn frames(stream: &[u8]) -> Vec<Frame> {

@@ -118,31 +118,6 @@ proptest! {
     }
 
     #[test]
-    fn it_does_not_matter_in_what_pieces_bytes_come(
-        stream in vec(prop_oneof![
-            message().prop_map(|message| bytes(0, 9, &message)),
-            vec(any::<u8>(), 0..40),
-        ], 0..8),
-        pieces in vec(0..200usize, 0..30),
-    ) {
-        let stream = stream.concat();
-        let mut whole = Decoder::new();
-        let expected = decode(&mut whole, &stream);
-        let (mut pieced, mut rest) = (Decoder::new(), &stream[..]);
-        let mut got = (Vec::new(), Vec::new());
-        for length in pieces.into_iter().chain([stream.len()]) {
-            let (piece, tail) = rest.split_at(length.min(rest.len()));
-            let (sequences, rejects) = decode(&mut pieced, piece);
-            got.0.extend(sequences);
-            got.1.extend(rejects);
-            rest = tail;
-        }
-        prop_assert_eq!(got, expected);
-        prop_assert_eq!(pieced.counters(), whole.counters());
-        prop_assert_eq!(pieced.pending(), whole.pending());
-    }
-
-    #[test]
     fn each_byte_ends_in_one_counter(stream in vec(prop_oneof![Just(0u8), any::<u8>()], 0..most(5000))) {
         let mut decoder = Decoder::new();
         let (frames, rejects) = decode(&mut decoder, &stream);

@@ -104,12 +104,14 @@ pub(crate) fn filler(boot: u8, sequence: u32) -> Vec<u8> {
     bytes(boot, sequence, &settings.into())
 }
 
-/// Feeds a stream; gives the sequence numbers of the frames, and the rejects.
+/// Feeds a stream in pieces; gives the sequence numbers of the frames, and the rejects.
 pub(crate) fn decode(decoder: &mut Decoder, stream: &[u8]) -> (Vec<u32>, Vec<Reject>) {
     let (mut sequences, mut rejects) = (Vec::new(), Vec::new());
-    decoder.feed(stream, |result| match result {
-        Ok(frame) => sequences.push(frame.header.sequence),
-        Err(reject) => rejects.push(reject),
-    });
+    for piece in stream.chunks(7) {
+        decoder.feed(piece, |result| match result {
+            Ok(frame) => sequences.push(frame.header.sequence),
+            Err(reject) => rejects.push(reject),
+        });
+    }
     (sequences, rejects)
 }
