@@ -152,6 +152,7 @@ mod tests {
             (["abcdef", "ghijk"], "abcdefgh"),
             // Two bytes do not fit behind seven.
             (["abcdefg", "\u{e9}"], "abcdefg"),
+            (["abc\u{1f41d}\u{1f41d}", ""], "abc\u{1f41d}"),
         ] {
             // Text that is known to the compiler would come as one piece.
             let [first, second] = core::hint::black_box(pieces);

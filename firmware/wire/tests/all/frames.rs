@@ -4,8 +4,8 @@
 
 use crate::common::{STEP, decode, message};
 use bead_wire::{
-    BufferTooSmall, Cause, Decoder, FaultCause, Fetched, Frame, Header, Inner, MAX_BLOCK, MAX_DETAIL,
-    MAX_FRAME, Message, Outcome, StrikeFlags, Text, VERSION, encode,
+    BufferTooSmall, Cause, Decoder, FaultCause, Fetched, Frame, Header, Inner, MAX_BLOCK, MAX_FRAME, Message,
+    Outcome, StrikeFlags, VERSION, encode,
 };
 use proptest::prelude::*;
 
@@ -48,16 +48,6 @@ proptest! {
             let refused = encode(&header, &message, &mut buffer[..room]);
             prop_assert_eq!(refused, Err(BufferTooSmall(room)));
         }
-    }
-
-    #[test]
-    #[cfg_attr(miri, ignore = "what draws its texts takes minutes there")]
-    fn texts_too_long_are_cut_between_characters(text: String, filling in "\\PC{80,200}") {
-        let text = text + &filling;
-        let cut = Text::<MAX_DETAIL>::from(text.as_str());
-        // A character has at most four bytes, so the cut costs at most three more than it has to.
-        prop_assert!(text.starts_with(cut.as_str()) && cut.as_str().len() <= MAX_DETAIL);
-        prop_assert!(cut.as_str().len() + 3 >= MAX_DETAIL.min(text.len()));
     }
 }
 

@@ -4,8 +4,8 @@
 
 use std::collections::HashSet;
 
-use crate::common::{STEP, block, bytes, bytes_of, decode, filler, message, most, unopening};
-use bead_wire::{Arrival, Decoder, Identity, MAX_FRAME, REORDER, ResetCauses};
+use crate::common::{STEP, block, bytes, bytes_of, decode, filler, most, unopening};
+use bead_wire::{Arrival, Decoder, Identity, REORDER, ResetCauses};
 use proptest::collection::vec;
 use proptest::prelude::*;
 
@@ -23,17 +23,12 @@ fn opening(boot: u8) -> Vec<u8> {
     bytes(boot, 0, &identity.into())
 }
 
-/// Frames of one boot: the opening one, then fillers.
-fn boot(number: u8, frames: u32) -> Vec<Vec<u8>> {
-    (0..frames)
-        .map(|n| {
-            if n == 0 {
-                opening(number)
-            } else {
-                filler(number, n)
-            }
-        })
-        .collect()
+/// A frame of a boot, of which number 0 opens it.
+fn frame(boot: u8, number: u32) -> Vec<u8> {
+    match number {
+        0 => opening(boot),
+        _ => filler(boot, number),
+    }
 }
 
 fn arrivals(stream: &[u8]) -> Vec<Arrival> {
@@ -77,8 +72,8 @@ proptest! {
             let listened = if heard == 0 { first } else { 0 };
             lost += kept[listened..=last].iter().filter(|&&kept| !kept).count() as u64;
             heard += 1;
-            for (frame, _) in boot(number as u8, kept.len() as u32).iter().zip(kept).filter(|(_, kept)| **kept) {
-                decode(&mut decoder, frame);
+            for (n, _) in (0..).zip(kept).filter(|(_, kept)| **kept) {
+                decode(&mut decoder, &frame(number as u8, n));
             }
         }
         let counters = decoder.counters();
@@ -87,41 +82,11 @@ proptest! {
     }
 
     #[test]
-    fn noise_between_frames_costs_no_frame(
-        messages in vec((message(), vec(any::<u8>(), 0..most(2 * MAX_FRAME))), 1..8),
-    ) {
-        let mut stream = Vec::new();
-        for (n, (message, noise)) in messages.iter().enumerate() {
-            stream.extend(noise);
-            stream.extend(bytes(0, n as u32, message));
-        }
-        let mut decoder = Decoder::new();
-        let (sequences, _) = decode(&mut decoder, &stream);
-        prop_assert!(sequences.into_iter().eq(0..messages.len() as u32));
-        prop_assert_eq!(decoder.counters().lost, 0);
-        prop_assert!(decoder.counters().from_start());
-        prop_assert_eq!(decoder.counters().bytes, stream.len() as u64);
-    }
-
-    #[test]
-    fn a_stream_cut_anywhere_costs_one_frame(messages in vec(message(), 3..6), cut: prop::sample::Index) {
-        let frames: Vec<_> = (0..).zip(&messages).map(|(n, message)| bytes(0, n, message)).collect();
-        let stream = frames.concat();
-        let cut = cut.index(stream.len());
-        // The bead is reset while it sends, so its next boot follows in the middle of a frame.
-        let mut decoder = Decoder::new();
-        let (sequences, rejects) = decode(&mut decoder, &[&stream[..cut], &boot(1, 2).concat()].concat());
-        let whole = |frame: usize| frames[..=frame].concat().len() <= cut + 1;
-        let expected = (0..frames.len()).take_while(|&n| whole(n)).map(|n| n as u32).chain(0..2);
-        prop_assert!(sequences.into_iter().eq(expected));
-        prop_assert!(rejects.len() <= 1);
-    }
-
-    #[test]
     fn each_byte_ends_in_one_counter(stream in vec(prop_oneof![Just(0u8), any::<u8>()], 0..most(5000))) {
         let mut decoder = Decoder::new();
         let (frames, rejects) = decode(&mut decoder, &stream);
         let counters = decoder.counters();
+        prop_assert_eq!(counters.bytes, stream.len() as u64);
         prop_assert_eq!(counters.rejected.total(), rejects.len() as u64);
         prop_assert_eq!(counters.frames, frames.len() as u64);
         let delimiters = stream.iter().filter(|&&byte| byte == 0).count() as u64;
@@ -196,11 +161,10 @@ fn each_frame_follows_the_earlier_ones_as_its_boot_and_number_say() {
         ),
     ];
     for (what, frames, expected) in cases {
-        let frame = |&(boot, number): &(u8, u32)| match number {
-            0 => opening(boot),
-            _ => filler(boot, number),
-        };
-        let stream: Vec<_> = frames.iter().flat_map(frame).collect();
+        let stream: Vec<_> = frames
+            .iter()
+            .flat_map(|&(boot, number)| frame(boot, number))
+            .collect();
         assert_eq!(arrivals(&stream), expected, "{what}");
         let mut decoder = Decoder::new();
         decode(&mut decoder, &stream);
