@@ -34,8 +34,6 @@
 #[doc = include_str!("../README.md")]
 struct Readme;
 
-#[cfg(test)]
-mod bits;
 pub mod calibration;
 mod capture;
 mod coefficients;

@@ -222,6 +222,12 @@ mod tests {
     use super::*;
 
     #[test]
+    fn a_pulse_shortens_with_the_fifth_root_of_the_speed() {
+        let bead = Bead::paper();
+        assert!((bead.pulse_width(32.0) / bead.pulse_width(1.0) - 0.5).abs() < 1e-12);
+    }
+
+    #[test]
     fn places_are_digits_from_1_to_6_each_at_most_once() {
         let places = |behind| {
             Neighbours {

@@ -1,14 +1,11 @@
 //! Both estimates against the f64 chain: `cargo test -p bead-model accuracy -- --nocapture` prints the
 //! errors.
 
-use crate::sensed::{HOST, felt, front_end, scan};
+use crate::sensed::{HOST, felt, front_end, normal, scan};
 use bead_model::design::{Bead, Capture, FrontEnd, SensorEnds, derive};
 use bead_model::{Energy, Scan, Settings, StrikeFlags};
 use bead_testing::Collector;
 use hertz_chain::{Scenario, Solution, simulate};
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution, Normal};
 
 /// Quiet before the strike, samples.
 const LEAD: f64 = 400.0;
@@ -50,7 +47,7 @@ fn sensed(scenario: &Scenario, rate: u32, spans: [f64; 2], noise: f64, front_mas
 
     let mut front_end = front_end(spans);
     front_end.force.noise = noise;
-    let (mut random, normal) = (ChaCha8Rng::seed_from_u64(1), Normal::new(0.0, noise).unwrap());
+    let mut normal = normal(1);
     let mut peak_force = 0.0_f64;
     let rate_hz = f64::from(rate);
     let codes = (0..(LEAD + SAMPLED * rate_hz) as u32).map(|n| {
@@ -60,7 +57,7 @@ fn sensed(scenario: &Scenario, rate: u32, spans: [f64; 2], noise: f64, front_mas
             force -= front_mass * host_acceleration(&solution, time);
         }
         peak_force = peak_force.max(force);
-        scan(&front_end, [force + normal.sample(&mut random), acceleration])
+        scan(&front_end, [force + noise * normal(), acceleration])
     });
     SensedStrike {
         codes: codes.collect(),

@@ -5,6 +5,7 @@
 #[cfg(not(miri))]
 mod accuracy;
 mod around;
+mod bits;
 mod loudness;
 mod meter;
 #[cfg(not(miri))]

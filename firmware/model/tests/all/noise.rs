@@ -3,7 +3,7 @@
 //! `cargo test --release -p bead-model noise -- --nocapture` prints the table of `docs/estimators.md`.
 
 use crate::replayed;
-use crate::sensed::{HOST, felt, front_end, scan};
+use crate::sensed::{HOST, felt, front_end, normal, scan};
 use bead_model::design::{Bead, Capture, derive};
 use bead_model::layout::PIECE;
 use bead_model::observer::ObserverState;
@@ -11,9 +11,6 @@ use bead_model::quantity::SensedAcceleration;
 use bead_model::{Scan, Settings, StrikeFlags};
 use bead_testing::Collector;
 use hertz_chain::{Options, Scenario, Solution, simulate_with};
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution, Normal};
 
 const STRIKES: u64 = 40;
 /// Quiet before the strike, samples.
@@ -36,19 +33,15 @@ fn errors(solution: &Solution, absorbed: f64, noise: [f64; 2]) -> [(f64, f64); 4
     [front_end.force.noise, front_end.acceleration.noise] = noise;
     let capture = Capture::of(&Bead::paper(), &front_end);
     let settings = derive(&Bead::paper(), &front_end, &capture).unwrap();
-    let [force_noise, acceleration_noise] = noise.map(|rms| Normal::new(0.0, rms).unwrap());
     let runs: Vec<[f64; 4]> = (0..STRIKES)
         .map(|seed| {
-            let mut random = ChaCha8Rng::seed_from_u64(seed);
+            let mut normal = normal(seed);
             let phase = seed as f64 / STRIKES as f64;
             let sensed = (0..1600).map(|sample| {
                 let time = (f64::from(sample) - LEAD + phase) / 100e3;
                 let [force, acceleration] = felt(solution, HOST, time);
-                let force = force + force_noise.sample(&mut random);
-                scan(
-                    &front_end,
-                    [force, acceleration + acceleration_noise.sample(&mut random)],
-                )
+                let force = force + noise[0] * normal();
+                scan(&front_end, [force, acceleration + noise[1] * normal()])
             });
             let scans: Vec<Scan> = sensed.collect();
             let report = Collector::measure(&settings, 0, &scans).reports[0];

@@ -7,6 +7,9 @@ use bead_model::Scan;
 use bead_model::converter::CONVERSION;
 use bead_model::design::FrontEnd;
 use hertz_chain::Solution;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
 
 /// Bead with the intruder in the paper's chain.
 pub(crate) const HOST: usize = 8;
@@ -42,4 +45,10 @@ pub(crate) fn felt(solution: &Solution, host: usize, time: f64) -> [f64; 2] {
     let force = at(time).map_or(0.0, |now| now.force(host));
     let acceleration = at(time + 2.0 * CONVERSION).map(|now| now.intruder_acceleration(host).unwrap());
     [force, acceleration.unwrap_or(0.0)]
+}
+
+/// Numbers of a standard normal distribution, for a seed the same in every run.
+pub(crate) fn normal(seed: u64) -> impl FnMut() -> f64 {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    move || StandardNormal.sample(&mut random)
 }

@@ -2,12 +2,9 @@
 //! the errors.
 
 use crate::replayed;
-use crate::sensed::{HOST, felt, front_end, scan};
+use crate::sensed::{HOST, felt, front_end, normal, scan};
 use bead_model::design::{Bead, Capture, derive};
 use hertz_chain::{PulseSearch, Scenario, simulate};
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution, Normal};
 
 const RATE: f64 = 100e3;
 /// From the window's first sample to the strike, samples.
@@ -27,10 +24,10 @@ fn errors(speed: f64, stiffness: f64, range: f64, noise: f64) -> [f64; 5] {
 
     let front_end = front_end([16.0 * range, 500.0 * range]);
     let settings = derive(&Bead::paper(), &front_end, &Capture::default()).unwrap();
-    let (mut random, normal) = (ChaCha8Rng::seed_from_u64(1), Normal::new(0.0, noise).unwrap());
+    let mut normal = normal(1);
     let scans = (0..LENGTH).map(|n| {
         let [force, acceleration] = felt(&solution, HOST, (f64::from(n) - LEAD) / RATE);
-        let mut noise = |per_code: f64| per_code * normal.sample(&mut random);
+        let mut noise = |per_code: f64| per_code * noise * normal();
         scan(
             &front_end,
             [

@@ -82,7 +82,9 @@ pub(crate) fn errors(
     around: &Surroundings,
 ) -> Result<(f64, f64, StrikeFlags), Violation> {
     let samples = (solution.end() * RATE) as usize;
-    let felt: Vec<[f64; 2]> = (0..samples).map(|n| felt(solution, HOST, n as f64 / RATE)).collect();
+    let felt: Vec<[f64; 2]> = (0..samples)
+        .map(|n| felt(solution, HOST, n as f64 / RATE))
+        .collect();
     let [force, acceleration] =
         [0, 1].map(|part| felt.iter().map(|felt| felt[part].abs()).fold(0.0, f64::max));
     let front_end = front_end([1.5 * force, f64::min(2.6 * acceleration, 60e3)]);

@@ -7,7 +7,7 @@
 use std::array;
 use std::f64::consts::TAU;
 
-use crate::sensed::{HOST, felt, front_end, scan};
+use crate::sensed::{HOST, felt, front_end, normal, scan};
 use bead_model::converter::CONVERSION;
 use bead_model::design::{
     Bead, Capture, FrontEnd, Intruder, Neighbours, SensorScale, Surroundings, derive, derive_among,
@@ -16,9 +16,6 @@ use bead_model::reduced_chain::FOLLOWERS;
 use bead_model::{Energy, Scan, StrikeFlags};
 use bead_testing::Collector;
 use hertz_chain::{Scenario, simulate};
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution, Normal};
 
 /// Beads before and behind [`HOST`], with the striker.
 const BEADS: usize = 24;
@@ -183,15 +180,14 @@ fn codes(scenario: &Scenario, host: usize, phase: u32) -> (FrontEnd, Vec<Scan>) 
         // The lag of this pole is the delay of the channel at the low gain, whose codes are taken without it.
         (sensor.pole, sensor.wide_pole) = (0.0, 1.0 / (TAU * CONVERSION));
     }
-    let mut random = ChaCha8Rng::seed_from_u64(phase.into());
-    let normal = Normal::new(0.0, 1.0).unwrap();
+    let mut normal = normal(phase.into());
     let samples = LEAD + (solution.end() * 1e5) as usize;
     let scans = (0..samples).map(|sample| {
         let time = (sample as f64 - LEAD as f64 + f64::from(phase) / 8.0) * 1e-5;
         let [force, acceleration] = felt(&solution, host, time);
         let mut codes = |value: f64, sensor: &SensorScale, zero: f64| {
             [sensor.per_code, sensor.wide_per_code].map(|per_code| {
-                let code = (value + sensor.noise * normal.sample(&mut random)) / per_code + zero;
+                let code = (value + sensor.noise * normal()) / per_code + zero;
                 code.round().clamp(0.0, 4095.0) as u16
             })
         };
