@@ -32,17 +32,7 @@ pub use codes::{CodeError, Codes, MAX_CODE, MAX_SCANS, unpacked};
 pub use decoder::{Counters, Decoder};
 pub use edge::unwrapped;
 pub use frame::{Frame, Header, MAX_FRAME, Packed, encode};
-pub use message::board::MAX_BOARD;
-pub use message::fault::{Detail, FaultCause, MAX_DETAIL};
-pub use message::health::Standing;
-pub use message::identity::{MAX_FIRMWARE, MAX_GIT, ResetCauses};
-pub use message::reply::Outcome;
-pub use message::self_test::Check;
-pub use message::shape::{Conditions, EnergyUncertainty, GainMatch, LeftEnergy, WaveformMatch};
-pub use message::status::SettingsSource;
-pub use message::strike::StrikeFlags;
-pub use message::update::UpdateStage;
-// Every body, and `Kind` and `Message`: a new row of the table is public without a line here.
+// Every body with its lists, and `Kind` and `Message`: a new row of the table is public without a line here.
 pub use message::*;
 pub use names::named;
 pub use payload::BufferTooSmall;

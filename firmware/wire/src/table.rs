@@ -4,7 +4,7 @@
 /// the name of the file too, and the body.
 macro_rules! messages {
     ($($number:literal $name:ident $body:ident,)*) => {
-        $(pub use $name::$body;)*
+        $(pub use $name::*;)*
 
         /// Kind of a frame: its second byte.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
