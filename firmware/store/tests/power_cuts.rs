@@ -28,49 +28,56 @@ fn blank() -> CutFlash {
     }
 }
 
-#[test]
-fn a_block_survives_a_start_that_reads_it_wrongly_once() {
+/// Flash with block 1 in the store.
+fn held() -> CutFlash {
     let (mut store, _) = open(&blank());
     store.write(&block(1)).unwrap();
-    let ram = store.into_flash();
+    store.into_flash()
+}
+
+/// Starts on disturbed flash, then on the same as it should be: the first start, and the block at the second.
+fn disturbed(flash: CutFlash) -> (Opened, Option<Vec<u8>>) {
+    let (store, opened) = Store::open(flash, RANGE);
+    let (mut store, _) = open(&CutFlash {
+        misread_after: None,
+        refused_erases: 0,
+        ..store.into_flash()
+    });
+    (opened, read(&mut store))
+}
+
+#[test]
+fn a_block_survives_a_start_that_reads_it_wrongly_once() {
     for wrong in (0..200).step_by(STEP) {
-        let flash = CutFlash {
+        let (_, found) = disturbed(CutFlash {
             misread_after: Some(wrong),
-            ..ram.clone()
-        };
-        let (store, _) = Store::open(flash, RANGE);
-        let (mut store, _) = open(&undisturbed(store));
-        assert_eq!(read(&mut store), Some(block(1)), "read {wrong} was wrong");
+            ..held()
+        });
+        assert_eq!(found, Some(block(1)), "read {wrong} was wrong");
     }
 }
 
 #[test]
 #[cfg_attr(miri, ignore = "a start over a sector of rubbish takes long there")]
 fn where_tidying_fails_a_block_that_can_be_read_is_kept_and_what_cannot_is_erased() {
-    let (mut store, _) = open(&blank());
-    store.write(&block(1)).unwrap();
-    let mut ram = store.into_flash();
-    let start = |ram: &CutFlash, wrong| {
-        let flash = CutFlash {
-            misread_after: wrong,
-            refused_erases: 1,
-            ..ram.clone()
-        };
-        let (store, opened) = Store::open(flash, RANGE);
-        let (mut store, _) = open(&undisturbed(store));
-        (opened, read(&mut store))
-    };
     // The other sector holds rubbish, and does not let itself be erased at once.
-    ram.bytes[2 * SECTOR..3 * SECTOR].fill(0x5A);
-    for wrong in std::iter::once(None).chain((0..1100).map(Some)) {
-        let (opened, held) = start(&ram, wrong);
-        assert!(!opened.lost, "read {wrong:?} was wrong");
-        assert_eq!(held, Some(block(1)), "read {wrong:?} was wrong");
+    let mut flash = CutFlash {
+        refused_erases: 1,
+        ..held()
+    };
+    flash.bytes[2 * SECTOR..3 * SECTOR].fill(0x5A);
+    for misread_after in std::iter::once(None).chain((0..1100).map(Some)) {
+        let (opened, found) = disturbed(CutFlash {
+            misread_after,
+            ..flash.clone()
+        });
+        assert!(!opened.lost, "read {misread_after:?} was wrong");
+        assert_eq!(found, Some(block(1)), "read {misread_after:?} was wrong");
     }
-    ram.bytes[SECTOR..2 * SECTOR].fill(0x5A);
-    let (opened, held) = start(&ram, None);
+    flash.bytes[SECTOR..2 * SECTOR].fill(0x5A);
+    let (opened, found) = disturbed(flash);
     assert!(opened.lost, "{opened:?}");
-    assert_eq!(held, None);
+    assert_eq!(found, None);
 }
 
 #[test]
@@ -84,19 +91,8 @@ fn a_store_that_is_opened_as_it_is_changes_nothing() {
         assert!(!matches!(store.read(), Ok(Some(_))));
         assert_eq!(store.into_flash().bytes, contents);
     }
-    let (mut store, _) = open(&blank());
-    store.write(&block(1)).unwrap();
-    let mut store = Store::open_as_it_is(store.into_flash(), RANGE);
+    let mut store = Store::open_as_it_is(held(), RANGE);
     assert_eq!(store.read().unwrap(), Some(&block(1)[..]));
-}
-
-/// The flash of a store, which from now on does as it should.
-fn undisturbed(store: Store<CutFlash>) -> CutFlash {
-    CutFlash {
-        misread_after: None,
-        refused_erases: 0,
-        ..store.into_flash()
-    }
 }
 
 fn open(ram: &CutFlash) -> (Store<CutFlash>, Opened) {
@@ -110,18 +106,6 @@ fn block(n: usize) -> Vec<u8> {
 
 fn read(store: &mut Store<CutFlash>) -> Option<Vec<u8>> {
     store.read().unwrap().map(<[u8]>::to_vec)
-}
-
-/// Writes as a bead that restarts when its store is full.
-fn write(mut store: Store<CutFlash>, block: &[u8]) -> (Store<CutFlash>, Result<(), StoreError>) {
-    match store.write(block) {
-        Err(StoreError::Full) => {
-            let (mut store, _) = open(&store.into_flash());
-            let result = store.write(block);
-            (store, result)
-        }
-        result => (store, result),
-    }
 }
 
 #[test]
@@ -384,9 +368,8 @@ proptest! {
         }
         let (store, _) = open(&ram);
         prop_assert!(!store.is_unreadable());
-        let (mut store, result) = write(store, &block(1));
-        prop_assert_eq!((result, read(&mut store)), (Ok(()), Some(block(1))));
-        let (mut store, opened) = open(&store.into_flash());
-        prop_assert_eq!((read(&mut store), opened.lost), (Some(block(1)), false));
+        let (vault, result) = changed(Vault::new(store), 2);
+        prop_assert_eq!(result, Ok(()));
+        prop_assert_eq!(owned(&vault.into_flash()).1, (None, Some(block(2))));
     }
 }
