@@ -339,26 +339,17 @@ mod tests {
 
     #[test]
     fn what_does_not_oscillate_or_is_too_short_has_no_frequency() {
-        let exponential = |time: f64| move |n: f64| (-n / time).exp();
+        let falling = |height: f64, time: f64| move |n: f64| height * (-n / time).exp();
+        let creep = |n: f64| falling(8000.0, 20.0)(n) - falling(8000.0, 60.0)(n);
         for (what, samples, noise, found) in [
             ("rest", sampled(400, |_| 0.0), 0.0, false),
             // Twelve means of eight samples are enough.
             ("too short", rung(1700.0, 1700.0, 8 * 11 + 7), 0.0, false),
             ("long enough", rung(1700.0, 1700.0, 8 * 12), 0.0, true),
-            (
-                "a decay",
-                sampled(400, |n| 80.0 * exponential(50.0)(n)),
-                0.0,
-                false,
-            ),
+            ("a decay", sampled(400, falling(80.0, 50.0)), 0.0, false),
             ("noise", rung(1700.0, 300.0, 400), 100.0, false),
             ("growth, which is not free", rung(1700.0, -300.0, 400), 0.0, false),
-            (
-                "a creep back",
-                sampled(400, |n| 8000.0 * (exponential(20.0)(n) - exponential(60.0)(n))),
-                0.0,
-                false,
-            ),
+            ("a creep back", sampled(400, creep), 0.0, false),
         ] {
             assert_eq!(ringing(&samples, RATE, noise, 1700.0).is_some(), found, "{what}");
         }

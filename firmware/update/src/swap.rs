@@ -87,9 +87,7 @@ impl<F: NorFlash> Images<F> {
 
     /// Which image runs.
     pub fn running(&self) -> Running {
-        let mut word = [0; WIDE];
-        let state = self.with_state(&mut word, |state| state.get_state());
-        match state {
+        match self.with_state(|state| state.get_state()) {
             Ok(State::Swap) => Running::Trial,
             // A power cut in `confirm` leaves this too. Then what was to come in is what runs.
             Ok(State::Revert) if !self.first_pages_are_equal() => Running::CameBack,
@@ -102,7 +100,7 @@ impl<F: NorFlash> Images<F> {
     /// # Errors
     /// The flash fails.
     pub fn confirm(&self) -> Result<(), FirmwareUpdaterError> {
-        self.with_state(&mut [0; WIDE], |state| state.mark_booted())
+        self.with_state(|state| state.mark_booted())
     }
 
     /// Lets the next start try the spare image. It erases.
@@ -110,7 +108,7 @@ impl<F: NorFlash> Images<F> {
     /// # Errors
     /// The flash fails.
     pub(crate) fn mark(&self) -> Result<(), FirmwareUpdaterError> {
-        self.with_state(&mut [0; WIDE], |state| state.mark_updated())
+        self.with_state(|state| state.mark_updated())
     }
 
     /// Reads bytes of the spare image.
@@ -136,11 +134,10 @@ impl<F: NorFlash> Images<F> {
 
     fn with_state<T>(
         &self,
-        word: &mut [u8; WIDE],
         act: impl FnOnce(&mut BlockingFirmwareState<'_, Partition<'_, F, WIDE, WIDE>>) -> T,
     ) -> T {
         let partition = Partition::new(&self.flash, self.layout.state.clone());
-        act(&mut BlockingFirmwareState::new(partition, word))
+        act(&mut BlockingFirmwareState::new(partition, &mut [0; WIDE]))
     }
 
     /// After a swap back the first page of the spare image is that of the image which was on trial.

@@ -51,14 +51,8 @@ mod tests {
     #[test]
     fn a_count_goes_on_over_its_wraps_while_the_guess_is_off_by_less_than_half_of_them() {
         const HALF: u64 = 1 << 31;
-        for number in [
-            HALF,
-            (1 << 32) - 1,
-            1 << 32,
-            (1 << 32) + 1,
-            51 << 32,
-            u64::MAX / 2,
-        ] {
+        const WRAP: u64 = 1 << 32;
+        for number in [HALF, WRAP - 1, WRAP, WRAP + 1, 51 * WRAP, u64::MAX / 2] {
             for off in [0, 1, 1000, HALF - 1] {
                 assert_eq!(unwrapped(number as u32, number + off), number, "{off} late");
                 assert_eq!(unwrapped(number as u32, number - off), number, "{off} early");
