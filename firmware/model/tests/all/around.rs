@@ -1,6 +1,6 @@
 //! Windows that are asked for from outside: around an instant that another bead or a host names.
 
-use crate::{paper, replayed};
+use crate::{paper, pulse, replayed};
 use bead_model::meter::REACH;
 use bead_model::{Energy, Meter, Origin, Scan};
 use bead_testing::Collector;
@@ -11,11 +11,9 @@ const BLOCK: usize = 200;
 /// A stream of a pulse of this height, in codes, from scan 2000 on. Each code before it is another, so that a
 /// window that is shifted by a scan differs.
 fn scan(index: u64, height: f64) -> Scan {
-    let phase = std::f64::consts::PI * (index as f64 - 2000.0) / 50.0;
-    let inside = (2000..2050).contains(&index);
-    let pulse = if inside { height * phase.sin().powi(3) } else { 0.0 };
+    let pulse = index.checked_sub(2000).map_or(0, |at| pulse(at as usize, height));
     let noise = [0, 1, 3, 1, 2, 0, 2][(index % 7) as usize];
-    Scan::new([128 + noise + pulse as u16, 128, 2048 + noise, 2048])
+    Scan::new([128 + noise + pulse, 128, 2048 + noise, 2048])
 }
 
 /// Feeds blocks; `ask` is asked before each for an instant and the scan at which it is told of.

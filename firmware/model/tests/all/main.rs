@@ -34,3 +34,9 @@ fn replayed(settings: &Settings, first: u64, scans: &[Scan]) -> (Window, Box<Win
     window.process(settings, scans, &mut record);
     (window, record)
 }
+
+/// Force code above the zero, `at` samples after the beginning of a pulse of 50 samples.
+fn pulse(at: usize, height: f64) -> u16 {
+    let phase = std::f64::consts::PI * at.min(50) as f64 / 50.0;
+    (height * phase.sin().powi(3)) as u16
+}

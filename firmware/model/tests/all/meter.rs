@@ -1,28 +1,23 @@
 //! The meter on made-up streams: what triggers, what does not, and that no coefficient makes it panic.
 
-use crate::{paper, replayed};
+use crate::{paper, pulse, replayed};
 use bead_model::{Meter, Scan, scans};
 use bead_testing::Collector;
 use fixed::types::{I0F32, I2F30, I6F26, I16F16};
 use proptest::prelude::*;
 use std::sync::atomic::AtomicU32;
 
+/// The wide code follows from the sensitive one by the gains of the reference.
 fn scan(force: u16) -> Scan {
-    codes_of((force, 2048))
-}
-
-/// The wide codes follow from the sensitive ones by the gains of the reference.
-fn codes_of((force, acceleration): (u16, u16)) -> Scan {
-    let wide = |code: u16, zero: i32| (zero + (i32::from(code) - zero) / 16) as u16;
-    Scan::new([force, wide(force, 128), acceleration, wide(acceleration, 2048)])
+    let wide = 128 + (i32::from(force) - 128) / 16;
+    Scan::new([force, wide as u16, 2048, 2048])
 }
 
 /// Force codes of a stream with pulses of 50 samples from these on, over a zero of 128.
 fn pulses(starts: &[usize]) -> impl Fn(usize) -> u16 {
     move |at| {
-        let start = starts.iter().find(|start| (**start..**start + 50).contains(&at));
-        let phase = start.map_or(0.0, |start| std::f64::consts::PI * (at - start) as f64 / 50.0);
-        128 + (1500.0 * phase.sin().powi(3)) as u16
+        let since = starts.iter().filter_map(|start| at.checked_sub(*start)).min();
+        128 + since.map_or(0, |since| pulse(since, 1500.0))
     }
 }
 

@@ -1,8 +1,8 @@
 //! Two equal strikes, one after the other: `cargo test --release -p bead-model waves -- --nocapture` prints
 //! what each window has of them.
 
-use crate::replayed;
 use crate::sensed::{HOST, felt, front_end, scan};
+use crate::{pulse, replayed};
 use bead_model::design::{Bead, Capture, derive};
 use bead_model::{Meter, Scan, Settings, StrikeFlags};
 use bead_testing::Collector;
@@ -93,15 +93,12 @@ fn of_many_waves_each_is_in_a_window_or_is_counted() {
         (450, &[0, 1, 3, 5, 7, 9, 11], 0),
         (1000, &[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11], 0),
     ] {
-        let pulse = |n: usize| match n.checked_sub(1000) {
-            Some(after) if after < 12 * every && after % every < 50 => {
-                let phase = std::f64::consts::PI * (after % every) as f64 / 50.0;
-                (1500.0 * phase.sin().powi(3)) as u16
-            }
-            _ => 0,
+        let force = |n: usize| match n.checked_sub(1000) {
+            Some(after) if after < 12 * every => 128 + pulse(after % every, 1500.0),
+            _ => 128,
         };
         let scans: Vec<Scan> = (0..16_000)
-            .map(|n| Scan::new([128 + pulse(n), 128 + pulse(n), 2048, 2048]))
+            .map(|n| Scan::new([force(n), force(n), 2048, 2048]))
             .collect();
         let (results, in_dead_time) = metered(&settings, &scans, 200);
         let opened = results
