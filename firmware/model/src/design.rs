@@ -24,18 +24,6 @@ use crate::violation::Violation;
 /// # Errors
 /// As [`Settings::new`].
 pub fn derive(bead: &Bead, front_end: &FrontEnd, capture: &Capture) -> Result<Settings, Violation> {
-    derive_among(bead, &Surroundings::default(), front_end, capture)
-}
-
-/// Derives the settings of a bead among others that hold intruders, or are not like it.
-///
-/// # Errors
-/// As [`Settings::new`].
-pub fn derive_among(
-    bead: &Bead,
-    around: &Surroundings,
-    front_end: &FrontEnd,
-    capture: &Capture,
-) -> Result<Settings, Violation> {
-    Settings::new(&Description::new(bead, around, front_end, capture))
+    let alone = Surroundings::default();
+    Settings::new(&Description::new(bead, &alone, front_end, capture))
 }

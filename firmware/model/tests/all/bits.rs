@@ -5,7 +5,7 @@
 //! both gains, rails, noise, powers of two, intruders behind. Their codes are made by sums and products
 //! alone, which are the same everywhere.
 
-use bead_model::design::{Bead, Capture, FrontEnd, Intruder, Neighbours, derive_among};
+use bead_model::design::{Bead, Capture, Description, FrontEnd, Intruder, Neighbours};
 use bead_model::{Meter, Scan, Settings};
 use bead_testing::Collector;
 use bead_wire::{Message, Packed, Waveform};
@@ -59,7 +59,7 @@ fn settings([mass, stiff, part, damped]: Likeness, behind: u8) -> Settings {
     let neighbours = Neighbours::new(core::array::from_fn(|n| behind >> n & 1 == 1), false, intruder);
     let front_end = FrontEnd::reference();
     let capture = Capture::of(&bead, &front_end);
-    derive_among(&bead, &neighbours.into(), &front_end, &capture).unwrap()
+    Settings::new(&Description::new(&bead, &neighbours.into(), &front_end, &capture)).unwrap()
 }
 
 /// Scans of two strikes: a pulse of the force from the scans 400 and 1900 on, `width` scans wide at its foot

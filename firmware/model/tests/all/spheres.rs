@@ -7,7 +7,7 @@
 use std::f64::consts::PI;
 
 use crate::sensed::{HOST, felt, front_end, scan};
-use bead_model::design::{Bead, Capture, Surroundings, derive_among};
+use bead_model::design::{Bead, Capture, Description, Surroundings};
 use bead_model::violation::{Bound, Violation};
 use bead_model::{Energy, Settings, StrikeFlags};
 use bead_testing::Collector;
@@ -92,7 +92,7 @@ pub(crate) fn errors(
         threshold: force / 60.0,
         ..Capture::of(bead, &front_end)
     };
-    let settings = derive_among(bead, around, &front_end, &capture)?;
+    let settings = Settings::new(&Description::new(bead, around, &front_end, &capture))?;
     let mut block = [0; bead_model::settings::BLOCK_MAX];
     settings.encode(&mut block).unwrap();
     assert_eq!(Settings::decode(&block), Ok(settings));

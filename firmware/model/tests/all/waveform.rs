@@ -10,10 +10,10 @@ use std::f64::consts::TAU;
 use crate::sensed::{HOST, felt, front_end, normal, scan};
 use bead_model::converter::CONVERSION;
 use bead_model::design::{
-    Bead, Capture, FrontEnd, Intruder, Neighbours, SensorScale, Surroundings, derive, derive_among,
+    Bead, Capture, Description, FrontEnd, Intruder, Neighbours, SensorScale, Surroundings, derive,
 };
 use bead_model::reduced_chain::FOLLOWERS;
-use bead_model::{Energy, Scan, StrikeFlags};
+use bead_model::{Energy, Scan, Settings, StrikeFlags};
 use bead_testing::Collector;
 use hertz_chain::{Scenario, simulate};
 
@@ -251,7 +251,9 @@ fn the_wave_form_of_a_good_bead_raises_no_doubt_be_it_soft_or_hard_alone_or_in_a
         for phase in 0..3 {
             let host = in_row.unwrap_or(HOST);
             let (front_end, scans) = codes(&scenario, host, phase);
-            let settings = derive_among(&bead, &around, &front_end, &Capture::of(&bead, &front_end)).unwrap();
+            let capture = Capture::of(&bead, &front_end);
+            let described = Description::new(&bead, &around, &front_end, &capture);
+            let settings = Settings::new(&described).unwrap();
             let heard = Collector::measure(&settings, 0, &scans);
             let waveform = heard.shapes[0].waveform.unwrap();
             let [residual, noise] = [waveform.residual, waveform.noise].map(|part| 100.0 * part.ratio());

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use bead_compare::front_end::AnalogFrontEnd;
 use bead_compare::sensed::{Sensed, Timing, bead_of, simulate_with_ring_down, surroundings_of};
-use bead_model::design::{Capture, derive_among};
+use bead_model::design::{Capture, Description};
 use bead_model::{Scan, Settings};
 use bead_recording::file::{About, Part, RecordingOrigin, RecordingWriter};
 use bead_tables::whole::Target;
@@ -55,7 +55,8 @@ impl ModelBead {
             bead_of(solution, self.bead).unwrap(),
             surroundings_of(solution, self.bead),
         );
-        let settings = derive_among(&physics, &neighbours, &front, &Capture::of(&physics, &front)).unwrap();
+        let capture = Capture::of(&physics, &front);
+        let settings = Settings::new(&Description::new(&physics, &neighbours, &front, &capture)).unwrap();
         settings.with(|one| one.address = self.bead as u8).unwrap()
     }
 
