@@ -15,8 +15,8 @@ use core::f64::consts::TAU;
 use core::ops::Range;
 
 use fixed::FixedI32;
+use fixed::types::I16F16;
 use fixed::types::extra::LeEqU32;
-use fixed::types::{I0F32, I16F16};
 
 use crate::calibration::Channel;
 use crate::company::{Company, FOLLOWERS, Follower};
@@ -175,8 +175,8 @@ impl ExactCompany {
         let kappa: [f64; FOLLOWERS] = each(|all, n| all.stiffness[n].into());
         let load = f64::from(followers.load);
         let compressed = |kappa: f64| {
-            if kappa > 0.0 {
-                power(load / kappa, 2.0 / 3.0)
+            if load > 0.0 && kappa > 0.0 {
+                1e6 * power(load / kappa, 2.0 / 3.0)
             } else {
                 0.0
             }
@@ -195,7 +195,7 @@ impl ExactCompany {
             damping,
             contacts: kappa.map(|kappa| contact(kappa, bead.mass, dt)),
             relaxations: each(|all, n| all.relaxation[n].into()).map(|tau: f64| 1.5 * tau / dt),
-            overlaps: kappa.map(|kappa| if load > 0.0 { 1e6 * compressed(kappa) } else { 0.0 }),
+            overlaps: kappa.map(compressed),
             lightness: array::from_fn(|n| {
                 if followers.is_wall(n) {
                     0.0
@@ -218,7 +218,6 @@ impl ExactCompany {
         use Coefficient as C;
         let [contact, masses] = [scale.contact, scale.masses].map(|powers| two_to(-i32::from(powers)));
         let follower = |n: usize| {
-            let is_held = places >> n & 1 == 1;
             Ok(Follower {
                 contact: signed(Key::FollowersStiffness, C::Contact, self.contacts[n] * contact)?,
                 relaxation: signed(Key::FollowersRelaxation, C::Relaxation, self.relaxations[n])?,
@@ -229,11 +228,7 @@ impl ExactCompany {
                     0
                 },
                 lightness: nearest(self.lightness[n]),
-                ratio: if is_held {
-                    signed(Key::CompanyMass, C::CompanyRatio, self.ratios[n] * masses)?
-                } else {
-                    I0F32::ZERO
-                },
+                ratio: signed(Key::CompanyMass, C::CompanyRatio, self.ratios[n] * masses)?,
             })
         };
         let mut followers = [Follower::default(); FOLLOWERS];

@@ -27,7 +27,7 @@ use crate::ring_down::RingDown;
 use crate::scale::Scale;
 use crate::sensor::Sensor;
 use crate::shape::Ringing;
-use crate::violation::{Bound, SettingKey, Violation, require};
+use crate::violation::{Bound, SettingKey as Key, Violation, require};
 use crate::waveform::WaveformJudge;
 
 /// Version of the settings block. The first one lacks the sections at the end of [`Description`], which may
@@ -53,13 +53,10 @@ const MAGIC: [u8; 4] = *b"BEAD";
 const HEADER: usize = MAGIC.len() + 4;
 
 /// Settings of a sensor's channels, at the high gain and at the low one: units per code and poles.
-const FORCE_UNITS: [SettingKey; 2] = [SettingKey::ForcePerCode, SettingKey::WideForcePerCode];
-const FORCE_POLES: [SettingKey; 2] = [SettingKey::ForcePole, SettingKey::WideForcePole];
-const ACCELERATION_UNITS: [SettingKey; 2] = [
-    SettingKey::AccelerationPerCode,
-    SettingKey::WideAccelerationPerCode,
-];
-const ACCELERATION_POLES: [SettingKey; 2] = [SettingKey::AccelerationPole, SettingKey::WideAccelerationPole];
+const FORCE_UNITS: [Key; 2] = [Key::ForcePerCode, Key::WideForcePerCode];
+const FORCE_POLES: [Key; 2] = [Key::ForcePole, Key::WideForcePole];
+const ACCELERATION_UNITS: [Key; 2] = [Key::AccelerationPerCode, Key::WideAccelerationPerCode];
+const ACCELERATION_POLES: [Key; 2] = [Key::AccelerationPole, Key::WideAccelerationPole];
 
 /// Settings of a bead with the coefficients that follow from them, at one sample rate.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -297,45 +294,20 @@ impl Settings {
 
     /// Checks the window and the trigger in samples and codes.
     fn check_window(&self) -> Result<(), Violation> {
-        let window = &self.window;
+        let WindowSettings {
+            history,
+            length,
+            threshold,
+            lookback,
+        } = self.window;
         let least = BASELINE + PIECE as u16 + LEAD;
-        let rules = [
-            (window.history >= least, SettingKey::History, Bound::LongHistory),
-            (
-                usize::from(window.history) <= HISTORY_MAX,
-                SettingKey::History,
-                Bound::ShortHistory,
-            ),
-            (
-                window.length > window.history,
-                SettingKey::Length,
-                Bound::LongWindow,
-            ),
-            (
-                window.length <= WINDOW_MAX,
-                SettingKey::Length,
-                Bound::ShortWindow,
-            ),
-            (
-                window.lookback > 0 && window.lookback < window.history,
-                SettingKey::Lookback,
-                Bound::Lookback,
-            ),
-            (
-                window.threshold > 0 && window.threshold < 4096,
-                SettingKey::Threshold,
-                Bound::Codes,
-            ),
-            (
-                self.triggers_above_noise(),
-                SettingKey::Threshold,
-                Bound::AboveNoise,
-            ),
-        ];
-        for (holds, key, bound) in rules {
-            require(holds, key, bound)?;
-        }
-        Ok(())
+        require(history >= least, Key::History, Bound::LongHistory)?;
+        require(history <= HISTORY_MAX as u16, Key::History, Bound::ShortHistory)?;
+        require(length > history, Key::Length, Bound::LongWindow)?;
+        require(length <= WINDOW_MAX, Key::Length, Bound::ShortWindow)?;
+        require((1..history).contains(&lookback), Key::Lookback, Bound::Lookback)?;
+        require((1..4096).contains(&threshold), Key::Threshold, Bound::Codes)?;
+        require(self.triggers_above_noise(), Key::Threshold, Bound::AboveNoise)
     }
 
     /// True if the noise that the settings state stays below the trigger. The gate is three standard
@@ -355,7 +327,7 @@ fn near_end<F: LeEqU32>(end: Option<f32>) -> FixedI32<F> {
     end.map_or(FixedI32::MAX, |end| nearest(NEAR_END * f64::from(end)))
 }
 
-fn check_sensor<F: LeEqU32>(sensor: &Sensor<F>, most: u32, units: [SettingKey; 2]) -> Result<(), Violation> {
+fn check_sensor<F: LeEqU32>(sensor: &Sensor<F>, most: u32, units: [Key; 2]) -> Result<(), Violation> {
     let channels: [&Channel<F>; 2] = [&sensor.sensitive, &sensor.wide];
     for (channel, unit) in channels.into_iter().zip(units) {
         require(channel.is_below(most), unit, Bound::Reach)?;
