@@ -108,7 +108,7 @@ impl<const PAGE: usize> Bench<PAGE> {
         flash.power_left = None;
         let after_cut = flash.clone();
         // A cut may fall between an image on trial and its word that it is good: then the old one comes back.
-        // So they may change; but each start is of a whole image.
+        // Images may change, but each start is of a whole one.
         for _ in 0..4 {
             assert!(self.start(&mut flash, good).is_some());
         }
