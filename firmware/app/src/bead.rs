@@ -4,7 +4,7 @@ use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use bead_model::Settings;
 use bead_store::Windows;
-use bead_wire::{Guard, Health, Link, RequestCounters};
+use bead_wire::{Guard, Health, Link, RequestCounters, Standing};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 
@@ -94,6 +94,12 @@ impl<D: Device> BeadState<D> {
 
     pub(crate) fn is_armed(&self) -> bool {
         !self.disarmed.load(Ordering::Relaxed)
+    }
+
+    /// Returns `true` if scans come: the crystal runs, and the part is the right one.
+    pub(crate) fn has_scans(&self) -> bool {
+        let standing = self.snapshot().health.standing;
+        !standing.has(Standing::CRYSTAL_FAILED) && !standing.has(Standing::PART_WRONG)
     }
 
     /// Notes that other settings are in force, and gives them. The next frames have their address.

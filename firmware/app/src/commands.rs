@@ -10,14 +10,14 @@ use bead_model::WindowRecord;
 use bead_store::{Pace, Secret, StoreError, Vault};
 use bead_update::swap::Images;
 use bead_wire::{
-    AHEAD, ANY, Cause, Detail, KEY, Key, Lock, Moment, Outcome, ReceivedRequest, Reply, Request, Standing,
-    UpdateStage,
+    AHEAD, ANY, Cause, Detail, KEY, Key, Lock, Moment, Outcome, ReceivedRequest, Reply, Request, UpdateStage,
 };
 
+use crate::answer::{Answer, done, supply_low};
 use crate::bead::BeadState;
 use crate::block::SAMPLE_RATE_HZ;
 use crate::boot::ThisBoot;
-use crate::device::{Device, MS, SUPPLY_LOW};
+use crate::device::{Device, MS};
 use crate::keep::{Refetch, RefetchStep};
 use crate::played::{self, Play};
 use crate::self_test::Verdict;
@@ -55,25 +55,10 @@ pub struct Commands<D: Device> {
     updates: Updates<D::ImageFlash>,
 }
 
-/// The outcome of a request, and a line about it.
-struct ReplyContent(Outcome, Detail);
-
-impl From<(Outcome, Detail)> for ReplyContent {
-    fn from((outcome, detail): (Outcome, Detail)) -> Self {
-        Self(outcome, detail)
-    }
-}
-
-impl ReplyContent {
-    fn done() -> Self {
-        Self(Outcome::Done, Detail::default())
-    }
-}
-
 /// The remaining step of a request that was begun. It is small, because the waiting task keeps it.
 enum RequestStep {
     /// Its answer.
-    Reply(ReplyContent),
+    Reply(Answer),
     /// Settings were offered. Once they are in force, the answer has this line.
     InForce(&'static str),
     SelfTest,
@@ -125,12 +110,12 @@ impl<D: Device> Commands<D> {
             RequestStep::InForce(line) => {
                 let taken = bead.settings_taken().await;
                 let later = "stored; in force as soon as samples come";
-                ReplyContent(Outcome::Done, if taken { line } else { later }.into())
+                (Outcome::Done, if taken { line } else { later }.into())
             }
             RequestStep::SelfTest => {
                 let Verdict { failed, checks, .. } = self_test::run(bead, &mut self.store, self.window).await;
                 let passed = checks - failed;
-                ReplyContent(
+                (
                     Outcome::Done,
                     Detail::new(format_args!("{passed} of {checks} checks passed")),
                 )
@@ -138,18 +123,18 @@ impl<D: Device> Commands<D> {
             RequestStep::Fetch(refetch) => fetch(bead, refetch).await,
             RequestStep::Image => {
                 played::send_image(bead).await;
-                ReplyContent::done()
+                done()
             }
             RequestStep::Play(play) => {
                 play.carry_out(bead).await;
-                ReplyContent::done()
+                done()
             }
             RequestStep::Reboot => {
-                reply(bead, number, ReplyContent::done());
+                reply(bead, number, done());
                 reboot(bead).await
             }
             RequestStep::Hang => {
-                reply(bead, number, ReplyContent::done());
+                reply(bead, number, done());
                 drain(bead).await;
                 bead.device.hang()
             }
@@ -194,7 +179,7 @@ impl<D: Device> Commands<D> {
             .map_err(not_understood)
             .and_then(|request| self.admit(heard.address, heard.number, request))
             .and_then(|request| self.execute(request));
-        if let Err(ReplyContent(Outcome::TooSoon, _)) = &done {
+        if let Err((Outcome::TooSoon, _)) = &done {
             self.bead.guard.update(|guard| guard.refused_too_soon += 1);
         }
         done.unwrap_or_else(RequestStep::Reply)
@@ -206,7 +191,7 @@ impl<D: Device> Commands<D> {
     /// [`COUNTERS`] ahead, which saves writes. If flash cannot keep it, because it is full, the supply low or
     /// too much was written lately, what does not write flash itself is done all the same: a bead can always
     /// be disarmed and reset by its owner.
-    fn admit(&mut self, address: u8, number: u16, request: Request) -> Result<Request, ReplyContent> {
+    fn admit(&mut self, address: u8, number: u16, request: Request) -> Result<Request, Answer> {
         if self.store.is_unreadable() && request.changes_state() {
             return self.admit_without_store(request);
         }
@@ -244,7 +229,7 @@ impl<D: Device> Commands<D> {
         Ok(request)
     }
 
-    fn not_let_through(&self, outcome: Outcome) -> ReplyContent {
+    fn not_let_through(&self, outcome: Outcome) -> Answer {
         self.bead.guard.update(|guard| match outcome {
             Outcome::Unsigned => guard.refused_unsigned += 1,
             Outcome::Forged => guard.refused_forged += 1,
@@ -263,11 +248,11 @@ impl<D: Device> Commands<D> {
             Outcome::NoKey => "this bead has no key".into(),
             _ => "it carries no request".into(),
         };
-        ReplyContent(outcome, detail)
+        (outcome, detail)
     }
 
     /// Keeps another key, or none.
-    fn set_key(&mut self, bytes: [u8; KEY]) -> Result<(), ReplyContent> {
+    fn set_key(&mut self, bytes: [u8; KEY]) -> Result<(), Answer> {
         let key = Key::new(bytes);
         let counter = self.store.secret().map_or(0, |secret| secret.counter);
         let secret = key.as_ref().map(|key| Secret {
@@ -280,7 +265,7 @@ impl<D: Device> Commands<D> {
         Ok(())
     }
 
-    fn execute(&mut self, request: Request) -> Result<RequestStep, ReplyContent> {
+    fn execute(&mut self, request: Request) -> Result<RequestStep, Answer> {
         match request {
             Request::Identity => self.bead.send_identity(self.boot),
             Request::Status => {
@@ -294,10 +279,8 @@ impl<D: Device> Commands<D> {
             Request::Disarm => self.bead.arm(false),
             Request::SelfTest => return Ok(RequestStep::SelfTest),
             Request::Raw { duration_ms } if duration_ms > raw::MAX_MS => {
-                return Err(ReplyContent(
-                    Outcome::OutOfRange,
-                    Detail::new(format_args!("a raw stream lasts {} ms at most", raw::MAX_MS)),
-                ));
+                let why = format_args!("a raw stream lasts {} ms at most", raw::MAX_MS);
+                return Err((Outcome::OutOfRange, Detail::new(why)));
             }
             Request::Raw { duration_ms } => self.bead.start_raw(duration_ms),
             Request::ResetCounters => self.bead.reset_counters(),
@@ -305,7 +288,7 @@ impl<D: Device> Commands<D> {
             Request::ListKept => {
                 let kept = self.bead.send_kept();
                 let detail = Detail::new(format_args!("{kept} strikes are kept"));
-                return Ok(RequestStep::Reply(ReplyContent(Outcome::Done, detail)));
+                return Ok(RequestStep::Reply((Outcome::Done, detail)));
             }
             Request::Fetch { boot, strike } => {
                 let found = self.bead.find_kept(boot, strike);
@@ -316,10 +299,8 @@ impl<D: Device> Commands<D> {
                 let now = self.bead.snapshot();
                 let ahead = index.saturating_sub(now.newest_index);
                 if !(1..=MINUTE).contains(&ahead) {
-                    return Err(ReplyContent(
-                        Outcome::OutOfRange,
-                        "its scan has to come within a minute from now".into(),
-                    ));
+                    let why = "its scan has to come within a minute from now";
+                    return Err((Outcome::OutOfRange, why.into()));
                 }
                 self.bead.wanted_scan.signal(index);
             }
@@ -335,49 +316,40 @@ impl<D: Device> Commands<D> {
             Request::Reboot => return Ok(RequestStep::Reboot),
             Request::Hang => return Ok(RequestStep::Hang),
             Request::BeginUpdate { manifest, older } => {
-                let resets = self.updates.begin(self.bead, manifest.bytes(), older);
-                if resets.map_err(ReplyContent::from)? {
+                if self.updates.begin(self.bead, manifest.bytes(), older)? {
                     return Ok(RequestStep::Reboot);
                 }
             }
             Request::UpdateData { offset, bytes } => {
-                let taken = self.updates.take(&self.bead.device, offset, bytes.bytes());
-                taken.map_err(ReplyContent::from)?;
+                self.updates.take(&self.bead.device, offset, bytes.bytes())?;
             }
             Request::FinishUpdate => {
-                let finished = self.updates.finish(&self.bead.device);
-                finished.map_err(ReplyContent::from)?;
+                self.updates.finish(&self.bead.device)?;
                 return Ok(RequestStep::Reboot);
             }
         }
-        Ok(RequestStep::Reply(ReplyContent::done()))
+        Ok(RequestStep::Reply(done()))
     }
 
-    fn play(&self, play: Option<Play>) -> Result<RequestStep, ReplyContent> {
+    fn play(&self, play: Option<Play>) -> Result<RequestStep, Answer> {
         self.scans_come()?;
-        play.map(RequestStep::Play).ok_or_else(|| {
-            ReplyContent(
-                Outcome::OutOfRange,
-                "codes are 0 to 4095; all lasts 400 ms at most, and 5 ms are from strike to strike".into(),
-            )
-        })
+        let why = "codes are 0 to 4095; all lasts 400 ms at most, and 5 ms are from strike to strike";
+        play.map(RequestStep::Play)
+            .ok_or_else(|| (Outcome::OutOfRange, why.into()))
     }
 
     /// Refuses what needs scans while none comes.
-    fn scans_come(&self) -> Result<(), ReplyContent> {
-        let standing = self.bead.snapshot().health.standing;
-        if standing.has(Standing::CRYSTAL_FAILED) || standing.has(Standing::PART_WRONG) {
-            return Err(ReplyContent(
-                Outcome::OutOfRange,
-                "no scan comes: the crystal does not run, or the part is another one".into(),
-            ));
+    fn scans_come(&self) -> Result<(), Answer> {
+        if self.bead.has_scans() {
+            return Ok(());
         }
-        Ok(())
+        let why = "no scan comes: the crystal does not run, or the part is another one";
+        Err((Outcome::OutOfRange, why.into()))
     }
 
     /// Checks new settings, stores them, reads them back and offers them. They are derived twice, so that
     /// none are on the stack while the store is written.
-    fn write_settings(&mut self, block: &[u8]) -> Result<RequestStep, ReplyContent> {
+    fn write_settings(&mut self, block: &[u8]) -> Result<RequestStep, Answer> {
         check_settings(block)?;
         self.write(|store| store.write(block))?;
         self.offer_stored(block);
@@ -395,7 +367,7 @@ impl<D: Device> Commands<D> {
     /// Erases the stored settings and offers the next ones. The reply says where those come from. Never
     /// inlined, as the other.
     #[inline(never)]
-    fn erase_settings(&mut self) -> Result<RequestStep, ReplyContent> {
+    fn erase_settings(&mut self) -> Result<RequestStep, Answer> {
         self.write(Vault::clear)?;
         let loaded = Loaded::beneath(self.bead.device.probe_settings(), None);
         let origin = loaded.origin();
@@ -407,7 +379,7 @@ impl<D: Device> Commands<D> {
     fn write(
         &mut self,
         change: impl FnOnce(&mut Vault<D::Flash>) -> Result<(), StoreError>,
-    ) -> Result<(), ReplyContent> {
+    ) -> Result<(), Answer> {
         self.count_write()?;
         change(&mut self.store).map_err(not_stored)
     }
@@ -415,7 +387,7 @@ impl<D: Device> Commands<D> {
     /// Counts a write to flash, if it may be written now. What is written while the supply is low may be read
     /// as something else.
     #[inline(never)]
-    fn count_write(&mut self) -> Result<(), ReplyContent> {
+    fn count_write(&mut self) -> Result<(), Answer> {
         let device = &self.bead.device;
         if device.supply_is_low() {
             return Err(supply_low());
@@ -428,55 +400,47 @@ impl<D: Device> Commands<D> {
     /// While the store cannot be read, nobody knows whether there is a key. So a bead does what changes
     /// nothing, and a reboot, which may bring the store back: signed or not, as there is nothing to check a
     /// signature with.
-    fn admit_without_store(&self, request: Request) -> Result<Request, ReplyContent> {
+    fn admit_without_store(&self, request: Request) -> Result<Request, Answer> {
         match request {
             Request::Reboot => Ok(request),
             Request::Signed { kind, .. } if kind == Request::Reboot.number() => Ok(Request::Reboot),
             _ if self.bead.device.supply_is_low() => Err(supply_low()),
-            _ => Err(ReplyContent(
-                Outcome::FlashFailed,
-                "the store cannot be read, nor whether there is a key: reboot the bead".into(),
-            )),
+            _ => {
+                let why = "the store cannot be read, nor whether there is a key: reboot the bead";
+                Err((Outcome::FlashFailed, why.into()))
+            }
         }
     }
 }
 
 /// Refuses settings that the bead cannot work with. Never inlined: they would be in the frame of a task.
 #[inline(never)]
-fn check_settings(block: &[u8]) -> Result<(), ReplyContent> {
-    match settings::judge(block) {
-        Ok(_) => Ok(()),
-        Err((outcome, why)) => Err(ReplyContent(outcome, why)),
-    }
+fn check_settings(block: &[u8]) -> Result<(), Answer> {
+    settings::judge(block).map(drop)
 }
 
-// Once in the image: an answer is long to build.
-#[inline(never)]
-fn supply_low() -> ReplyContent {
-    ReplyContent(Outcome::FlashFailed, SUPPLY_LOW.into())
-}
-
-fn too_soon(wait_ms: u64) -> ReplyContent {
+fn too_soon(wait_ms: u64) -> Answer {
     let wait_s = wait_ms.div_ceil(1000);
     let why = format_args!("flash is written every 10 s in the long run; again in {wait_s} s");
-    ReplyContent(Outcome::TooSoon, Detail::new(why))
+    (Outcome::TooSoon, Detail::new(why))
 }
 
 #[inline(never)]
-fn not_stored(error: StoreError) -> ReplyContent {
-    match error {
-        StoreError::Full => ReplyContent(
+fn not_stored(error: StoreError) -> Answer {
+    let (outcome, why) = match error {
+        StoreError::Full => (
             Outcome::StoreFull,
-            "no room in flash for another block; the next boot makes some".into(),
+            "no room in flash for another block; the next boot makes some",
         ),
-        StoreError::TooLong | StoreError::Flash => ReplyContent(
+        StoreError::TooLong | StoreError::Flash => (
             Outcome::FlashFailed,
-            "what was written cannot be read back; the settings are what they were".into(),
+            "what was written cannot be read back; the settings are what they were",
         ),
-    }
+    };
+    (outcome, why.into())
 }
 
-fn reply<D: Device>(bead: &BeadState<D>, request: u16, ReplyContent(outcome, detail): ReplyContent) {
+fn reply<D: Device>(bead: &BeadState<D>, request: u16, (outcome, detail): Answer) {
     bead.send(Reply {
         request,
         outcome,
@@ -484,35 +448,33 @@ fn reply<D: Device>(bead: &BeadState<D>, request: u16, ReplyContent(outcome, det
     });
 }
 
-fn not_understood(cause: Cause) -> ReplyContent {
+fn not_understood(cause: Cause) -> Answer {
     let outcome = match cause {
         Cause::Version(_) => Outcome::Version,
         Cause::Kind(_) => Outcome::Kind,
         _ => Outcome::Body,
     };
-    ReplyContent(outcome, Detail::new(format_args!("{cause}")))
+    (outcome, Detail::new(format_args!("{cause}")))
 }
 
 /// Sends a strike again, frame by frame, while there is room.
-async fn fetch<D: Device>(bead: &BeadState<D>, mut refetch: Refetch) -> ReplyContent {
+async fn fetch<D: Device>(bead: &BeadState<D>, mut refetch: Refetch) -> Answer {
     let deadline = bead.device.now() + FETCH;
     loop {
         if !bead.wait_for_spare(deadline).await {
-            return ReplyContent(Outcome::Busy, "strikes come and take the line: ask again".into());
+            return (Outcome::Busy, "strikes come and take the line: ask again".into());
         }
         match bead.push_next(&mut refetch) {
             RefetchStep::Sent => {}
-            RefetchStep::Complete => return ReplyContent::done(),
+            RefetchStep::Complete => return done(),
             RefetchStep::Gone => return not_kept(),
         }
     }
 }
 
-fn not_kept() -> ReplyContent {
-    ReplyContent(
-        Outcome::NotKept,
-        "this strike gave way to newer ones, was never measured, or is not yet complete".into(),
-    )
+fn not_kept() -> Answer {
+    let why = "this strike gave way to newer ones, was never measured, or is not yet complete";
+    (Outcome::NotKept, why.into())
 }
 
 /// Resets the bead when all frames that wait have left, or after [`DRAIN`].

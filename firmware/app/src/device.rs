@@ -5,10 +5,6 @@ use bead_wire::{Board, UpdateStage};
 
 use crate::block::SAMPLE_RATE_HZ;
 
-/// The answer to what would write flash while the supply is low.
-pub(crate) const SUPPLY_LOW: &str =
-    "the supply is below 2.93 V: nothing was written; try again when it is good";
-
 /// Sample periods in a millisecond.
 pub const MS: u64 = SAMPLE_RATE_HZ as u64 / 1000;
 

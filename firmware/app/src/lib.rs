@@ -12,6 +12,7 @@
 #[cfg(test)]
 extern crate std;
 
+mod answer;
 mod bead;
 mod block;
 mod boot;

@@ -13,6 +13,7 @@ use bead_store::nor_flash::NorFlash;
 use bead_store::{Opened, Vault};
 use bead_wire::{Detail, MAX_BLOCK, Outcome, SettingsSource};
 
+use crate::answer::Answer;
 use crate::block::SAMPLE_RATE_HZ;
 use crate::built_in;
 
@@ -179,7 +180,7 @@ fn check(block: &[u8]) -> Result<Settings, Option<RefusedSettings>> {
 ///
 /// # Errors
 /// The outcome of the request, and a line about it.
-pub(crate) fn judge(block: &[u8]) -> Result<Loaded, (Outcome, Detail)> {
+pub(crate) fn judge(block: &[u8]) -> Result<Loaded, Answer> {
     let invalid = |why| (Outcome::SettingsInvalid, why);
     let settings = Settings::decode(block).map_err(|error| invalid(Detail::new(format_args!("{error}"))))?;
     if Settings::block_length(block) != Some(block.len()) {

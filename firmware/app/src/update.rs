@@ -14,11 +14,12 @@ use bead_update::manifest::Manifest;
 use bead_update::nor_flash::NorFlash;
 use bead_update::reception::{Expected, Reception, Refusal};
 use bead_update::swap::Images;
-use bead_wire::{Detail, Outcome, Standing, UpdateStage};
+use bead_wire::{Detail, Outcome, UpdateStage};
 
+use crate::answer::{Answer, supply_low};
 use crate::bead::BeadState;
 use crate::block::SAMPLE_RATE_HZ;
-use crate::device::{Device, SUPPLY_LOW};
+use crate::device::Device;
 
 /// A bead that waits for an image gives up after this time without a request of the update.
 const PATIENCE: u64 = 10 * SAMPLE_RATE_HZ as u64;
@@ -43,9 +44,6 @@ impl<F> Updates<F> {
     }
 }
 
-/// Why a request is refused: its outcome, and a line about it.
-type Refused = (Outcome, Detail);
-
 impl<F: NorFlash> Updates<F> {
     /// Judges an image by its manifest, and makes room for it. Returns `true` if the bead has to reset first,
     /// to stop acquisition; it is asked again then.
@@ -55,7 +53,7 @@ impl<F: NorFlash> Updates<F> {
         bead: &BeadState<D>,
         manifest: &[u8],
         older: bool,
-    ) -> Result<bool, Refused> {
+    ) -> Result<bool, Answer> {
         let device = bead.device();
         let board = device.board();
         let expected = Expected {
@@ -68,7 +66,7 @@ impl<F: NorFlash> Updates<F> {
             .judge(manifest, older)
             .map_err(|refusal| refused(refusal, &expected, manifest))?;
         if device.supply_is_low() {
-            return Err((Outcome::FlashFailed, SUPPLY_LOW.into()));
+            return Err(supply_low());
         }
         match device.update_stage() {
             UpdateStage::Receiving => {}
@@ -77,8 +75,7 @@ impl<F: NorFlash> Updates<F> {
                 return Err((Outcome::Busy, why.into()));
             }
             _ => {
-                let standing = bead.snapshot().health.standing;
-                if standing.has(Standing::CRYSTAL_FAILED) || standing.has(Standing::PART_WRONG) {
+                if !bead.has_scans() {
                     let why = "without a crystal no image passes its trial: mend the board, or use a probe";
                     return Err((Outcome::ImageRefused, why.into()));
                 }
@@ -89,19 +86,19 @@ impl<F: NorFlash> Updates<F> {
         self.reception = None;
         let begun = Reception::begin::<_, PAGE>(&self.images, &manifest);
         self.heard = device.now();
-        self.reception = Some(begun.map_err(|refusal| refused(refusal, &expected, &[]))?);
+        self.reception = Some(begun.map_err(said)?);
         Ok(false)
     }
 
     /// Takes bytes of the image.
     #[inline(never)]
-    pub(crate) fn take<D: Device>(&mut self, device: &D, offset: u32, bytes: &[u8]) -> Result<(), Refused> {
+    pub(crate) fn take<D: Device>(&mut self, device: &D, offset: u32, bytes: &[u8]) -> Result<(), Answer> {
         self.act(device, |reception, images| reception.take(images, offset, bytes))
     }
 
     /// Compares the image with its manifest, and lets the next start try it.
     #[inline(never)]
-    pub(crate) fn finish<D: Device>(&mut self, device: &D) -> Result<(), Refused> {
+    pub(crate) fn finish<D: Device>(&mut self, device: &D) -> Result<(), Answer> {
         self.act(device, Reception::finish)
     }
 
@@ -109,16 +106,16 @@ impl<F: NorFlash> Updates<F> {
         &mut self,
         device: &D,
         act: impl FnOnce(&Reception, &Images<F>) -> Result<(), Refusal>,
-    ) -> Result<(), Refused> {
+    ) -> Result<(), Answer> {
         if device.supply_is_low() {
-            return Err((Outcome::FlashFailed, SUPPLY_LOW.into()));
+            return Err(supply_low());
         }
         let done = match &self.reception {
             Some(reception) => act(reception, &self.images),
             None => Err(Refusal::NotBegun),
         };
         self.heard = device.now();
-        done.map_err(|refusal| said(refusal, Detail::default()))
+        done.map_err(said)
     }
 
     /// Returns `true` if the bead waits for an image, and hears nothing more of it.
@@ -137,44 +134,36 @@ impl<F: NorFlash> Updates<F> {
     }
 }
 
-/// The reply to an image that is not taken. The manifest may say more.
+/// The answer to an image that is not taken. Its manifest may say more.
 #[inline(never)]
-fn refused(refusal: Refusal, expected: &Expected<'_>, manifest: &[u8]) -> Refused {
-    let Ok(manifest) = Manifest::read(manifest) else {
-        return said(refusal, Detail::default());
+fn refused(refusal: Refusal, expected: &Expected<'_>, manifest: &[u8]) -> Answer {
+    let Ok(image) = Manifest::read(manifest) else {
+        return said(refusal);
     };
-    let Expected {
-        board,
-        version,
-        capacity,
-        ..
-    } = expected;
-    let more = match refusal {
-        Refusal::Board => Detail::new(format_args!(
-            "the image is for {}, this is {board}",
-            manifest.board
-        )),
+    let (board, version, capacity) = (expected.board, expected.version, expected.capacity);
+    let why = match refusal {
+        Refusal::Board => Detail::new(format_args!("the image is for {}, this is {board}", image.board)),
         Refusal::Older => Detail::new(format_args!(
             "the image is {}, older than {version}",
-            manifest.version
+            image.version
         )),
         Refusal::Length => Detail::new(format_args!(
             "{} bytes; an image has 1 to {capacity}",
-            manifest.length
+            image.length
         )),
-        _ => Detail::default(),
+        _ => return said(refusal),
     };
-    said(refusal, more)
+    (Outcome::ImageRefused, why)
 }
 
-/// The reply to what is not taken. An empty line stands for the usual one.
-fn said(refusal: Refusal, line: Detail) -> Refused {
+/// The answer to a refusal that needs no more words.
+fn said(refusal: Refusal) -> Answer {
     let outcome = match refusal {
         Refusal::Flash => Outcome::FlashFailed,
         Refusal::Place => Outcome::OutOfRange,
         _ => Outcome::ImageRefused,
     };
-    let usual = match refusal {
+    let why = match refusal {
         Refusal::NoManifest => "what came is no manifest of an image",
         Refusal::Unsigned => "the image is not signed with the key that this bead was built with",
         Refusal::NotBegun => "no image was begun since the start: begin again",
@@ -184,12 +173,5 @@ fn said(refusal: Refusal, line: Detail) -> Refused {
         Refusal::Flash => "the flash does not keep what is written: begin again",
         Refusal::Board | Refusal::Older | Refusal::Length => "",
     };
-    (
-        outcome,
-        if line.as_str().is_empty() {
-            usual.into()
-        } else {
-            line
-        },
-    )
+    (outcome, why.into())
 }

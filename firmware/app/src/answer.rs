@@ -1,0 +1,18 @@
+//! Answers to the requests of a host.
+
+use bead_wire::{Detail, Outcome};
+
+/// The outcome of a request, and a line about it.
+pub(crate) type Answer = (Outcome, Detail);
+
+pub(crate) fn done() -> Answer {
+    (Outcome::Done, Detail::default())
+}
+
+/// Refuses what would write flash while the supply is low.
+// Once in the image: an answer is long to build.
+#[inline(never)]
+pub(crate) fn supply_low() -> Answer {
+    let why = "the supply is below 2.93 V: nothing was written; try again when it is good";
+    (Outcome::FlashFailed, why.into())
+}
