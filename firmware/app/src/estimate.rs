@@ -112,25 +112,16 @@ impl<D: Device> Estimation<D> {
             c.strikes = meter.strikes();
             c.armed = self.armed && meter.is_armed();
         });
-        let passed_over = meter.passed_over();
-        if passed_over != self.passed_over {
-            bead.guard
-                .update(|guard| guard.strikes_passed_over += passed_over - self.passed_over);
-            self.passed_over = passed_over;
-        }
-        self.count_dead_time();
-    }
-
-    /// Adds the waves that no window could hold since it was called last.
-    fn count_dead_time(&mut self) {
-        let in_dead_time = self.meter.in_dead_time();
-        if in_dead_time != self.in_dead_time {
-            let more = in_dead_time - self.in_dead_time;
-            self.results
-                .bead
-                .guard
-                .update(|guard| guard.strikes_in_dead_time += more);
-            self.in_dead_time = in_dead_time;
+        // Since this was called last.
+        let passed_over = meter.passed_over() - self.passed_over;
+        let in_dead_time = meter.in_dead_time() - self.in_dead_time;
+        if (passed_over, in_dead_time) != (0, 0) {
+            bead.guard.update(|guard| {
+                guard.strikes_passed_over += passed_over;
+                guard.strikes_in_dead_time += in_dead_time;
+            });
+            self.passed_over += passed_over;
+            self.in_dead_time += in_dead_time;
         }
     }
 
@@ -226,29 +217,18 @@ impl<D: Device> Sink for StrikeResults<D> {
         if still {
             bead.guard.update(|guard| guard.strikes_still += 1);
         }
-        let doubts = [
-            (still, StrikeFlags::SENSOR_STILL),
-            (bead.settings.are_not_owners(), StrikeFlags::SETTINGS_NOT_OWNERS),
-            (self.origin == Origin::Line, StrikeFlags::TRIGGERED_BY_LINE),
-            (self.origin == Origin::Request, StrikeFlags::TRIGGERED_ON_REQUEST),
-            (
-                bead.settings.is_supply_off(self.conditions.as_ref()),
-                StrikeFlags::SUPPLY_OFF,
-            ),
-            (
-                bead.played.get().is_in(strike.first_index, strike.samples),
-                StrikeFlags::PLAYED,
-            ),
-            (
-                bead.snapshot().health.standing != Standing::NONE,
-                StrikeFlags::SENSOR_FAULT,
-            ),
-        ];
-        let doubts = doubts
-            .into_iter()
-            .filter(|(doubt, _)| *doubt)
-            .fold(StrikeFlags::NONE, |flags, (_, flag)| flags.with(flag));
-        let flags = strike.flags.with(doubts);
+        let is_off = bead.settings.is_supply_off(self.conditions.as_ref());
+        let is_played = bead.played.get().is_in(strike.first_index, strike.samples);
+        let has_fault = bead.snapshot().health.standing != Standing::NONE;
+        let flags = strike
+            .flags
+            .with_if(still, StrikeFlags::SENSOR_STILL)
+            .with_if(bead.settings.are_not_owners(), StrikeFlags::SETTINGS_NOT_OWNERS)
+            .with_if(self.origin == Origin::Line, StrikeFlags::TRIGGERED_BY_LINE)
+            .with_if(self.origin == Origin::Request, StrikeFlags::TRIGGERED_ON_REQUEST)
+            .with_if(is_off, StrikeFlags::SUPPLY_OFF)
+            .with_if(is_played, StrikeFlags::PLAYED)
+            .with_if(has_fault, StrikeFlags::SENSOR_FAULT);
         bead.push_packed(&mut self.packed, Strike { flags, ..*strike });
         bead.keep_frame(&self.packed, strike.strike);
         let shape = Shape {

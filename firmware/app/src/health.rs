@@ -136,21 +136,13 @@ impl SensorHealth {
     }
 
     fn becomes<D: Device>(&mut self, bead: &BeadState<D>, found: SensorVerdict) {
-        if let Some(over) = self.condition(self.verdict) {
-            over.ends(bead);
-        }
-        if let Some(new) = self.condition(found) {
-            new.begins(bead);
-        }
         self.verdict = found;
-    }
-
-    const fn condition(&self, verdict: SensorVerdict) -> Option<&WatchedCondition> {
-        match verdict {
-            SensorVerdict::Good => None,
-            SensorVerdict::Stuck => Some(&self.stuck),
-            SensorVerdict::Railed => Some(&self.railed),
+        // An end is reported before a begin.
+        if found != SensorVerdict::Railed {
+            self.railed.set(bead, false);
         }
+        self.stuck.set(bead, found == SensorVerdict::Stuck);
+        self.railed.set(bead, found == SensorVerdict::Railed);
     }
 }
 
@@ -160,20 +152,25 @@ struct WatchedCondition {
     detail: &'static str,
     bit: Standing,
     count: fn(&mut Health) -> &mut u32,
+    holds: bool,
 }
 
 impl WatchedCondition {
-    fn begins<D: Device>(&self, bead: &BeadState<D>) {
+    /// Reports its begin and its end.
+    fn set<D: Device>(&mut self, bead: &BeadState<D>, holds: bool) {
+        if holds == self.holds {
+            return;
+        }
+        self.holds = holds;
         bead.update(|c| {
-            *(self.count)(&mut c.health) += 1;
-            c.health.standing = c.health.standing.with(self.bit);
+            *(self.count)(&mut c.health) += u32::from(holds);
+            c.health.standing = c.health.standing.without(self.bit).with_if(holds, self.bit);
         });
-        bead.fault(self.cause, self.detail);
-    }
-
-    fn ends<D: Device>(&self, bead: &BeadState<D>) {
-        bead.update(|c| c.health.standing = c.health.standing.without(self.bit));
-        bead.fault(FaultCause::Recovered, self.cause.name().unwrap_or_default());
+        if holds {
+            bead.fault(self.cause, self.detail);
+        } else {
+            bead.fault(FaultCause::Recovered, self.cause.name().unwrap_or_default());
+        }
     }
 }
 
@@ -194,12 +191,14 @@ impl Default for SensorWatch {
                 detail: "the force code has not moved for 50 ms",
                 bit: Standing::FORCE_STUCK,
                 count: |health| &mut health.force_stuck,
+                holds: false,
             },
             WatchedCondition {
                 cause: FaultCause::ForceRailed,
                 detail: "the force has been at a rail for 50 ms",
                 bit: Standing::FORCE_RAILED,
                 count: |health| &mut health.force_railed,
+                holds: false,
             },
         );
         let acceleration = SensorHealth::new(
@@ -208,12 +207,14 @@ impl Default for SensorWatch {
                 detail: "the acceleration code has not moved for 50 ms",
                 bit: Standing::ACCELERATION_STUCK,
                 count: |health| &mut health.acceleration_stuck,
+                holds: false,
             },
             WatchedCondition {
                 cause: FaultCause::AccelerationRailed,
                 detail: "the acceleration has been at a rail for 50 ms",
                 bit: Standing::ACCELERATION_RAILED,
                 count: |health| &mut health.acceleration_railed,
+                holds: false,
             },
         );
         Self {
@@ -224,6 +225,7 @@ impl Default for SensorWatch {
                 detail: "the supply is below 2.93 V",
                 bit: Standing::SUPPLY_LOW,
                 count: |health| &mut health.supply_low,
+                holds: false,
             },
             supply_low_blocks: 0,
         }
@@ -250,18 +252,12 @@ impl SensorWatch {
 
     /// Checks the supply. Called once in the time of a block.
     pub fn check_supply<D: Device>(&mut self, bead: &BeadState<D>) {
-        let was_low = self.supply_low_blocks > 0;
-        if bead.device.supply_is_low() {
-            self.supply_low_blocks = SUPPLY_HOLD;
-            if !was_low {
-                self.supply.begins(bead);
-            }
-        } else if was_low {
-            self.supply_low_blocks -= 1;
-            if self.supply_low_blocks == 0 {
-                self.supply.ends(bead);
-            }
-        }
+        self.supply_low_blocks = if bead.device.supply_is_low() {
+            SUPPLY_HOLD
+        } else {
+            self.supply_low_blocks.saturating_sub(1)
+        };
+        self.supply.set(bead, self.supply_low_blocks > 0);
     }
 }
 
