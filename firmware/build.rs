@@ -5,6 +5,7 @@
 //! The loader is a program of its own, so a cargo of its own builds it here, in a target directory of its
 //! own: the one around is locked.
 
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::{env, fs};
@@ -76,17 +77,9 @@ fn load(root: &Path, out: &Path) {
     }
     let mut cargo = Command::new(env::var_os("CARGO").expect("cargo sets it"));
     cargo.current_dir(root).stdin(Stdio::null());
-    cargo.args([
-        "build",
-        "-p",
-        "bead-loader",
-        "--profile",
-        "firmware",
-        "--target",
-        &target,
-    ]);
     let folder = out.join("loader");
-    cargo.arg("--target-dir").arg(&folder);
+    cargo.args("build -p bead-loader --profile firmware --target".split(' '));
+    cargo.args([target.as_ref(), OsStr::new("--target-dir"), folder.as_ref()]);
     for (name, _) in env::vars_os() {
         let name = name.to_string_lossy().into_owned();
         if OF_THIS_BUILD.iter().any(|start| name.starts_with(start)) {
