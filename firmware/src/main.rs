@@ -138,7 +138,7 @@ fn start() {
         rest,
     } = priorities::start();
     rest.spawn(transmit::transmit(transmitter, FRAME.take()).expect(ONCE));
-    rest.spawn(report::report(boot, refused, found.into_iter().flatten().collect()).expect(ONCE));
+    rest.spawn(report::report(boot, refused, found).expect(ONCE));
     rest.spawn(receive::receive(receiver, commands).expect(ONCE));
     rest.spawn(estimate::seal().expect(ONCE));
     rest.spawn(heartbeat::heartbeat(light.into(), boot.ended_by.is_some()).expect(ONCE));

@@ -9,8 +9,8 @@ use crate::board::BEAD;
 /// A host that starts to listen gets all of them within this time.
 const PERIOD: Duration = Duration::from_secs(1);
 
-/// Faults found at start-up: each cause with a line about it.
-pub(crate) type FoundFaults = heapless::Vec<(FaultCause, Detail), 2>;
+/// Faults of the supply and of the clock that the start has found, each with a line about it.
+pub(crate) type FoundFaults = [Option<(FaultCause, Detail)>; 2];
 
 /// Reports for ever.
 #[embassy_executor::task]
@@ -20,7 +20,7 @@ pub(crate) async fn report(
     found: FoundFaults,
 ) -> ! {
     let mut period = Ticker::every(PERIOD);
-    BEAD.report_boot(boot, refused, found);
+    BEAD.report_boot(boot, refused, found.into_iter().flatten());
     loop {
         period.next().await;
         BEAD.report(boot);
