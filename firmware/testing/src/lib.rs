@@ -1,5 +1,6 @@
 //! Stand-ins for the parts of a bead, shared by the tests of firmware and host.
 
+mod bodies;
 mod collector;
 mod flash;
 mod request;
@@ -7,6 +8,7 @@ mod settings;
 mod speaker;
 mod strike;
 
+pub use bodies::bodies;
 pub use collector::Collector;
 pub use flash::{FlashFailure, PowerCutFlash};
 pub use request::{framed, write};

@@ -72,6 +72,18 @@ macro_rules! messages {
                     Self::$body(body)
                 }
             }
+
+            /// The body of a message, if the message is of this kind.
+            impl<'a> TryFrom<&'a Message> for &'a $name::$body {
+                type Error = Kind;
+
+                fn try_from(message: &'a Message) -> Result<Self, Kind> {
+                    match message {
+                        Message::$body(body) => Ok(body),
+                        other => Err(other.kind()),
+                    }
+                }
+            }
         )*
 
         impl Message {

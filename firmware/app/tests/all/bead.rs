@@ -11,16 +11,18 @@ use bead_app::{
     BeadState, BlockCodes, BootRecord, CLOCKS_PER_SAMPLE, Commands, Device, Estimation, FactoryCodes,
     FramesWaiting, InternalChannel, LineTimer, Loaded, MS, SCANS_PER_BLOCK, ScanBlock, ThisBoot,
 };
+use bead_model::design::Description;
 use bead_model::{Meter, WindowRecord};
 use bead_store::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 use bead_store::{Opened, Store, Vault, WindowMemory, Windows};
-use bead_testing::{FlashFailure, PowerCutFlash, block, paper_settings};
+use bead_testing::{FlashFailure, PowerCutFlash, block, bodies, paper_settings};
 use bead_update::layout::{Layout, PAGE};
 use bead_update::manifest::DEVELOPMENT_KEY;
 use bead_update::swap::{Images, Running, prepare};
 use bead_wire::{
-    ANY, Board, Decoder, FaultCause, Guard, Header, Health, Key, Link, MAX_FRAME, MAX_REQUEST, Message,
-    Outcome, Packed, Reply, Request, RequestDecoder, Status, Strike, Ticket, UpdateStage, encode_request,
+    ANY, Board, Decoder, Fault, FaultCause, Guard, Header, Health, Key, Link, MAX_FRAME, MAX_REQUEST,
+    Message, Outcome, Packed, Reply, Request, RequestDecoder, Status, Strike, Ticket, UpdateStage,
+    encode_request,
 };
 
 pub(crate) const SECTOR: usize = 16 * 1024;
@@ -297,10 +299,14 @@ impl Default for StartState {
     }
 }
 
+/// The paper's settings with a change.
+fn settings_with(change: impl FnOnce(&mut Description)) -> Vec<u8> {
+    block(&paper_settings().with(change).expect("it is valid"))
+}
+
 /// The paper's settings with windows of so many samples.
 pub(crate) fn windows_of(length: u16) -> Vec<u8> {
-    let settings = paper_settings().with(|bead| bead.capture.length = f64::from(length) * 1e-5);
-    block(&settings.expect("it is valid"))
+    settings_with(|bead| bead.capture.length = f64::from(length) * 1e-5)
 }
 
 /// A bead that runs.
@@ -350,6 +356,11 @@ impl TestBead {
             probe,
             ..StartState::default()
         })
+    }
+
+    /// A bead that has the paper's settings with a change.
+    pub(crate) fn with(change: impl FnOnce(&mut Description)) -> Self {
+        Self::probed(settings_with(change))
     }
 
     pub(crate) fn start(start: StartState) -> Self {
@@ -456,14 +467,15 @@ impl TestBead {
         let bytes = encode_request(ANY, number, request, &mut buffer).expect("it fits");
         self.receive(bytes);
         for _ in 0..150 {
-            let frames = self.running.frames[before..].iter().map(|(_, message)| message);
-            let data = frames
-                .clone()
-                .take_while(|message| !matches!(message, Message::Reply(_)));
-            let data: Vec<_> = data.cloned().collect();
-            if let Some(Message::Reply(reply)) = frames.clone().nth(data.len()) {
+            let mut told: Vec<Message> = self.running.told().skip(before).cloned().collect();
+            if let Some(at) = told
+                .iter()
+                .position(|message| matches!(message, Message::Reply(_)))
+                && let Message::Reply(reply) = told.swap_remove(at)
+            {
                 assert_eq!(reply.request, number);
-                return (data, reply.clone());
+                told.truncate(at);
+                return (told, reply);
             }
             self.running.take_block();
         }
@@ -602,48 +614,45 @@ impl RunningBead {
         self.strikes().split_off(before)
     }
 
-    /// Takes something from each message that was told.
-    pub(crate) fn told<T>(&self, of: impl FnMut(&Message) -> Option<T>) -> Vec<T> {
-        self.frames
-            .iter()
-            .map(|(_, message)| message)
-            .filter_map(of)
-            .collect()
+    /// The messages that were told.
+    pub(crate) fn told(&self) -> impl Iterator<Item = &Message> {
+        self.frames.iter().map(|(_, message)| message)
+    }
+
+    /// The bodies of the messages of one kind.
+    pub(crate) fn all<'a, B: 'a>(&'a self) -> impl Iterator<Item = &'a B>
+    where
+        &'a B: TryFrom<&'a Message>,
+    {
+        bodies(self.told())
     }
 
     pub(crate) fn strikes(&self) -> Vec<Strike> {
-        self.told(|message| match message {
-            Message::Strike(strike) => Some(*strike),
-            _ => None,
-        })
+        self.all().copied().collect()
     }
 
     /// Number and outcome of each reply.
     pub(crate) fn replies(&self) -> Vec<(u16, Outcome)> {
-        self.told(|message| match message {
-            Message::Reply(reply) => Some((reply.request, reply.outcome)),
-            _ => None,
-        })
+        let replies = self.all::<Reply>();
+        replies.map(|reply| (reply.request, reply.outcome)).collect()
     }
 
     /// Causes and details of the faults that were told.
     pub(crate) fn faults(&self) -> Vec<(FaultCause, String)> {
-        self.told(|message| match message {
-            Message::Fault(fault) => Some((fault.cause, fault.detail.as_str().to_owned())),
-            _ => None,
-        })
+        let faults = self.all::<Fault>();
+        faults
+            .map(|fault| (fault.cause, fault.detail.as_str().to_owned()))
+            .collect()
     }
 
     pub(crate) fn causes(&self) -> Vec<FaultCause> {
-        self.faults().into_iter().map(|(cause, _)| cause).collect()
+        self.all::<Fault>().map(|fault| fault.cause).collect()
     }
 
     /// The blocks of settings that were told, each once in a row.
     pub(crate) fn blocks(&self) -> Vec<Vec<u8>> {
-        let mut blocks = self.told(|message| match message {
-            Message::Settings(settings) => Some(settings.block.bytes().to_vec()),
-            _ => None,
-        });
+        let settings = self.all::<bead_wire::Settings>();
+        let mut blocks: Vec<_> = settings.map(|told| told.block.bytes().to_vec()).collect();
         blocks.dedup();
         blocks
     }

@@ -3,7 +3,7 @@
 use std::panic::catch_unwind;
 
 use bead_app::{BeadCounters, BootRecord, FramesWaiting, Progress};
-use bead_wire::{FaultCause, Message};
+use bead_wire::{FaultCause, LastFault};
 
 use crate::bead::{StartState, TestBead};
 
@@ -51,10 +51,9 @@ fn a_fault_that_ends_a_boot_is_told_at_the_next_and_with_each_identity_after_it(
     let mut bead = started(record, SOFTWARE);
     bead.run(2.1);
     assert_eq!(bead.running.causes(), [], "only at the next boot");
-    let told = bead.running.frames.iter().filter(|(_, message)| {
-        matches!(message, Message::LastFault(last) if (last.faults, last.boot, last.cause) == (1, 0, FaultCause::HardFault))
-    });
-    assert_eq!(told.count(), 3);
+    let told = bead.running.all::<LastFault>();
+    let told: Vec<_> = told.map(|last| (last.faults, last.boot, last.cause)).collect();
+    assert_eq!(told, [(1, 0, FaultCause::HardFault); 3]);
 }
 
 #[test]

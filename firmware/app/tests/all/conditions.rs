@@ -1,23 +1,21 @@
 //! Supply and temperature: measured while no strike is, told with each strike, and held against the settings.
 
 use bead_model::design::Supply;
-use bead_testing::{block, paper_settings};
-use bead_wire::{Conditions, Message, StrikeFlags};
+use bead_wire::{Conditions, Shape, StrikeFlags};
 
 use crate::bead::{TestBead, quiet, status, struck};
 
 /// The paper's bead, calibrated at 3.3 V.
 fn calibrated() -> TestBead {
-    let settings = paper_settings().with(|bead| bead.supply = Some(Supply { voltage: 3.3 }));
-    TestBead::probed(block(&settings.expect("it is valid")))
+    TestBead::with(|bead| bead.supply = Some(Supply { voltage: 3.3 }))
 }
 
 /// Conditions in the shape frames.
 fn conditions(bead: &TestBead) -> Vec<Option<Conditions>> {
-    bead.running.told(|message| match message {
-        Message::Shape(shape) => Some(shape.conditions),
-        _ => None,
-    })
+    bead.running
+        .all::<Shape>()
+        .map(|shape| shape.conditions)
+        .collect()
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! Strikes that the bead keeps: fetched later, they are bit for bit what was sent first.
 
-use bead_wire::{ANY, MAX_REQUEST, Message, Outcome, Request, encode_request};
+use bead_testing::bodies;
+use bead_wire::{ANY, Fetched, Kept, MAX_REQUEST, Message, Outcome, Request, encode_request};
 
 use crate::bead::TestBead;
 
@@ -11,13 +12,7 @@ fn strikes_are_listed_and_fetched_as_they_were_sent_until_newer_ones_take_their_
         bead.strike();
     }
     let (messages, reply) = bead.ask(&Request::ListKept);
-    let kept: Vec<u32> = messages
-        .iter()
-        .filter_map(|message| match message {
-            Message::Kept(kept) => Some(kept.strike),
-            _ => None,
-        })
-        .collect();
+    let kept: Vec<u32> = bodies(&messages).map(|kept: &Kept| kept.strike).collect();
     assert_eq!(reply.detail.as_str(), format!("{} strikes are kept", kept.len()));
     assert!(
         kept.len() >= 10 && kept.iter().copied().eq(40 - kept.len() as u32..40),
@@ -27,21 +22,16 @@ fn strikes_are_listed_and_fetched_as_they_were_sent_until_newer_ones_take_their_
     assert_eq!(bead.outcome(&fetch(kept[0] - 1)), Outcome::NotKept);
     assert_eq!(bead.outcome(&fetch(40)), Outcome::NotKept);
     for strike in [kept[0], 39] {
-        let sent = bead.running.told(|message| {
-            let of_strike = match message {
-                Message::Waveform(waveform) => waveform.strike == strike,
-                Message::Strike(told) => told.strike == strike,
-                Message::Shape(shape) => shape.strike == strike,
-                _ => false,
-            };
-            of_strike.then(|| message.clone())
+        let sent = bead.running.told().filter(|message| match message {
+            Message::Waveform(waveform) => waveform.strike == strike,
+            Message::Strike(told) => told.strike == strike,
+            Message::Shape(shape) => shape.strike == strike,
+            _ => false,
         });
+        let sent: Vec<_> = sent.cloned().collect();
         let (messages, reply) = bead.ask(&fetch(strike));
         assert_eq!(reply.outcome, Outcome::Done);
-        let fetched = messages.iter().filter_map(|message| match message {
-            Message::Fetched(fetched) => Some(fetched.message().expect("it decodes")),
-            _ => None,
-        });
+        let fetched = bodies(&messages).map(|fetched: &Fetched| fetched.message().expect("it decodes"));
         let fetched: Vec<_> = fetched.collect();
         assert!(matches!(fetched[0], Message::Settings(_)));
         assert_eq!(fetched[1..], sent);

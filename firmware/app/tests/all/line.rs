@@ -1,6 +1,5 @@
 //! The trigger line, and windows that a host asks for.
 
-use bead_testing::{block, paper_settings};
 use bead_wire::{Outcome, Request, StrikeFlags};
 
 use crate::bead::{TestBead, quiet, struck};
@@ -15,8 +14,7 @@ fn count_at(index: u64) -> u32 {
 /// Scans after the first of two strikes at which the bead lets the line fall; the second comes `apart` scans
 /// later. Both begin `quiet` scans later than a block does.
 fn falls(offset: u64, apart: u64) -> Vec<u64> {
-    let settings = paper_settings().with(|bead| bead.capture.length = bead.capture.history + 40e-5);
-    let mut bead = TestBead::probed(block(&settings.expect("it is valid")));
+    let mut bead = TestBead::with(|bead| bead.capture.length = bead.capture.history + 40e-5);
     let first = 1001 + offset;
     let start = move |index| first + if index < first + apart / 2 { 0 } else { apart };
     bead.running.signal = Box::new(move |index| struck(index, start(index)));

@@ -4,7 +4,8 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use bead_model::made_up::played;
-use bead_wire::{Message, Outcome, Played, Request, Strike, StrikeFlags};
+use bead_testing::bodies;
+use bead_wire::{Image, Message, Outcome, Played, Raw, Request, Strike, StrikeFlags};
 
 use crate::bead::{TestBead, quiet, struck};
 
@@ -28,15 +29,10 @@ fn wired() -> (TestBead, Rc<RefCell<Option<u64>>>) {
 }
 
 fn of_play(messages: &[Message]) -> (Vec<Played>, Vec<Strike>) {
-    let played = messages.iter().filter_map(|message| match message {
-        Message::Played(played) => Some(*played),
-        _ => None,
-    });
-    let strikes = messages.iter().filter_map(|message| match message {
-        Message::Strike(strike) => Some(*strike),
-        _ => None,
-    });
-    (played.collect(), strikes.collect())
+    (
+        bodies(messages).copied().collect(),
+        bodies(messages).copied().collect(),
+    )
 }
 
 #[test]
@@ -105,8 +101,7 @@ fn a_level_is_held_while_its_scans_are_sent_and_no_strike_comes_of_it() {
         assert_eq!((played.len(), strikes), (1, vec![]));
         let scans = played[0].first_index..played[0].first_index + u64::from(played[0].scans);
         let mut seen = 0;
-        for message in &said {
-            let Message::Raw(raw) = message else { continue };
+        for raw in bodies::<Raw>(&said) {
             for (index, found) in (raw.first_index..).zip(raw.codes.iter()) {
                 assert!(scans.contains(&index), "{index} {scans:?}");
                 assert_eq!([found[0] & !1, found[1] & !1], codes);
@@ -145,11 +140,8 @@ fn what_would_last_too_long_or_is_no_code_is_refused_and_nothing_is_switched_on(
 fn the_image_is_told_by_its_length_and_its_checksum() {
     let (mut bead, _) = wired();
     let (said, _) = bead.ask(&Request::Image);
-    let image = said.iter().find_map(|message| match message {
-        Message::Image(image) => Some((image.bytes, image.crc)),
-        _ => None,
-    });
+    let image: &Image = bodies(&said).next().expect("it is told");
     // `printf 'an image' | gzip -c | tail -c8` has both.
-    assert_eq!(image, Some((8, 0xa659_be80)));
+    assert_eq!((image.bytes, image.crc), (8, 0xa659_be80));
     assert_eq!(played().count(), 250);
 }

@@ -1,8 +1,9 @@
 //! Requests are done or refused by name.
 
-use bead_testing::framed;
+use bead_testing::{bodies, framed};
 use bead_wire::{
-    ANY, Check, Link, MAX_REQUEST, Message, Outcome, Request, Standing, VERSION, encode_request,
+    ANY, Check, Kind, Link, MAX_REQUEST, Message, Outcome, Raw, Request, SelfTest, Standing, VERSION,
+    encode_request,
 };
 
 use crate::bead::{TestBead, status, struck};
@@ -49,6 +50,24 @@ fn what_is_no_request_of_this_version_is_refused_by_name_and_nothing_else_happen
 }
 
 #[test]
+fn each_request_is_answered_with_what_it_asks_for() {
+    use Kind::{Board, Guard, Health, Identity, Image, Link, Load, SelfTest, Settings, Status};
+    let mut bead = TestBead::new();
+    bead.run(0.05);
+    for (request, expected) in [
+        (Request::Identity, &[Identity, Board][..]),
+        (Request::Status, &[Status, Health, Link, Guard, Load]),
+        (Request::ReadSettings, &[Settings]),
+        (Request::SelfTest, &[SelfTest; 8]),
+        (Request::Image, &[Image]),
+    ] {
+        let (messages, _) = bead.ask(&request);
+        let kinds: Vec<_> = messages.iter().map(Message::kind).collect();
+        assert_eq!(kinds, expected, "{request:?}");
+    }
+}
+
+#[test]
 fn a_disarmed_bead_measures_what_it_has_begun_and_no_other_strike_until_it_is_armed() {
     let mut quiet = TestBead::new();
     let expected = quiet.strike();
@@ -86,11 +105,8 @@ fn a_raw_stream_ends_when_asked_leaves_room_for_strikes_and_is_refused_if_it_is_
         (24_000..34_000).contains(&scans) && link.raw_dropped > 0,
         "{link:?}"
     );
-    let told = bead.running.told(|message| match message {
-        Message::Raw(raw) => Some(raw.codes.len() as u64),
-        _ => None,
-    });
-    assert_eq!(told.iter().sum::<u64>(), link.raw_sent);
+    let told = bead.running.all::<Raw>().map(|raw| raw.codes.len() as u64);
+    assert_eq!(told.sum::<u64>(), link.raw_sent);
     bead.run(0.1);
     assert_eq!(status(&mut bead).2.raw_sent, link.raw_sent);
     assert_eq!(bead.running.lost(), 0, "what is dropped of it takes no number");
@@ -116,8 +132,7 @@ fn a_self_test_passes_or_names_what_fails() {
     let mut bead = TestBead::new();
     let (messages, reply) = bead.ask(&Request::SelfTest);
     assert_eq!(reply.detail.as_str(), "8 of 8 checks passed");
-    let fails = |message: &Message| matches!(message, Message::SelfTest(test) if !test.passed);
-    assert!(!messages.iter().any(fails));
+    assert!(bodies(&messages).all(|test: &SelfTest| test.passed));
     bead.running.signal = Box::new(|index| {
         let [_, _, acceleration, wide] = crate::bead::quiet(index);
         [1000, 1000, acceleration, wide]
@@ -126,11 +141,8 @@ fn a_self_test_passes_or_names_what_fails() {
     bead.run(0.1);
     let (messages, reply) = bead.ask(&Request::SelfTest);
     assert_eq!(reply.detail.as_str(), "6 of 8 checks passed");
-    let failed = messages.iter().filter_map(|message| match message {
-        Message::SelfTest(test) => (!test.passed).then_some(test.check),
-        _ => None,
-    });
-    assert!(failed.eq([Check::Supply, Check::Force]));
+    let failed = bodies(&messages).filter(|test: &&SelfTest| !test.passed);
+    assert!(failed.map(|test| test.check).eq([Check::Supply, Check::Force]));
     let standing = Standing::SUPPLY_LOW.with(Standing::FORCE_STUCK);
     assert_eq!(status(&mut bead).1.standing, standing);
 }

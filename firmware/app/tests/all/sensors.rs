@@ -1,6 +1,6 @@
 //! Sensors and supply: what is wrong is told when it begins and when it is over, and flags strikes.
 
-use bead_wire::{FaultCause, Health, Message, Standing, StrikeFlags};
+use bead_wire::{FaultCause, Gap, Health, Standing, StrikeFlags};
 
 use crate::bead::{TestBead, quiet, status, struck};
 
@@ -102,10 +102,10 @@ fn a_window_that_a_gap_cuts_has_no_result_and_is_counted_and_the_gap_is_told() {
     bead.run(0.03);
     assert_eq!(bead.running.strikes(), []);
     assert_eq!(bead.running.causes(), [FaultCause::StrikeCut]);
-    let gaps = bead.running.told(|message| match message {
-        Message::Gap(gap) => Some((gap.epoch, gap.first_index, gap.end_index)),
-        _ => None,
-    });
+    let gaps = bead.running.all::<Gap>();
+    let gaps: Vec<_> = gaps
+        .map(|gap| (gap.epoch, gap.first_index, gap.end_index))
+        .collect();
     assert_eq!(gaps, [(1, 401, 1401)]);
     assert_eq!(status(&mut bead).1.strikes_cut, 1);
     assert_eq!(bead.strike()[0].strike, 1, "the cut one has a number");

@@ -1,5 +1,6 @@
 //! Settings over the link: in force from the next strike on and after a reset, and refused by name.
 
+use bead_model::SettingsError;
 use bead_store::Store;
 use bead_testing::{PowerCutFlash, block, paper_settings, settings_at, write};
 use bead_wire::{
@@ -25,46 +26,37 @@ fn each_way_of_being_no_valid_settings_is_refused_by_name_and_leaves_flash_alone
     // numbers. With 0 in its place the checksum holds.
     const DAMPING: usize = 8 + 16 + 1 + 4 * 8;
     let good = windows_of(300);
-    let (mut damaged, version) = (good.clone(), bead_model::settings::VERSION);
+    let mut damaged = good.clone();
     damaged[20] ^= 1;
+    let cut = good[..good.len() - 1].to_vec();
+    let shorter = |bytes: &mut Vec<u8>| {
+        bytes.pop();
+        bytes[6] -= 1;
+    };
+    let damping = "settings that a bead cannot work with: intruder.damping must be above 0";
     let invalid = [
         (
             forged(|bytes| bytes[4] = 8),
-            &*format!("settings block of version 8, this program knows {version}"),
+            SettingsError::Version(8).to_string(),
         ),
+        (damaged, SettingsError::Checksum.to_string()),
+        (cut, SettingsError::Truncated.to_string()),
         (
-            damaged,
-            "settings block with a wrong checksum: half written or damaged",
+            [&good[..], &[0]].concat(),
+            "bytes follow the settings block".into(),
         ),
-        (
-            good[..good.len() - 1].to_vec(),
-            "settings block is shorter than its header says",
-        ),
-        ([&good[..], &[0]].concat(), "bytes follow the settings block"),
-        (
-            b"not a settings block".to_vec(),
-            "not a settings block: it does not start with \"BEAD\"",
-        ),
-        (Vec::new(), "settings block is shorter than its header says"),
-        (
-            forged(|bytes| {
-                bytes.pop();
-                bytes[6] -= 1;
-            }),
-            "settings block whose body does not decode",
-        ),
+        (b"not a settings block".to_vec(), SettingsError::Magic.to_string()),
+        (Vec::new(), SettingsError::Truncated.to_string()),
+        (forged(shorter), SettingsError::Body.to_string()),
         (
             forged(|bytes| bytes[DAMPING..DAMPING + 8].fill(0)),
-            "settings that a bead cannot work with: intruder.damping must be above 0",
+            damping.into(),
         ),
     ];
     let mut bead = TestBead::new();
     let flash = bead.flash.0.borrow().bytes.clone();
     for (block, why) in invalid {
-        assert_eq!(
-            bead.answer(&write(&block)),
-            (Outcome::SettingsInvalid, why.into())
-        );
+        assert_eq!(bead.answer(&write(&block)), (Outcome::SettingsInvalid, why));
     }
     for rate in [50_000, 200_000] {
         let why = format!("settings for {rate} Hz; this image samples at 100000 Hz");
@@ -181,8 +173,7 @@ fn without_a_block_of_a_probe_settings_are_stored_over_the_built_in_ones() {
 
 #[test]
 fn a_bead_answers_its_own_address_and_every_beads_and_says_it_in_its_frames() {
-    let settings = paper_settings().with(|bead| bead.address = 7);
-    let mut bead = TestBead::probed(block(&settings.expect("it is valid")));
+    let mut bead = TestBead::with(|bead| bead.address = 7);
     for (address, number) in [(7, 100), (8, 101), (ANY, 102)] {
         let mut buffer = [0; MAX_REQUEST];
         let request = encode_request(address, number, &Request::Identity, &mut buffer);

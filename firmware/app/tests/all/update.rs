@@ -1,10 +1,10 @@
 //! Another image over the line: what is refused before anything is erased, and how an update ends.
 
 use bead_store::nor_flash::ReadNorFlash;
-use bead_testing::PowerCutFlash;
+use bead_testing::{PowerCutFlash, bodies};
 use bead_update::layout::Layout;
 use bead_update::manifest::{DEVELOPMENT_SEED, Manifest, hash};
-use bead_wire::{FaultCause, MAX_PIECE, Message, Outcome, Piece, Request, Standing, UpdateStage};
+use bead_wire::{FaultCause, LastFault, MAX_PIECE, Outcome, Piece, Request, Standing, Update, UpdateStage};
 
 use crate::bead::{StartState, TestBead};
 
@@ -47,10 +47,7 @@ fn pieces(image: &[u8]) -> impl Iterator<Item = Request> {
 /// The stage that the bead tells.
 fn stage(bead: &mut TestBead) -> UpdateStage {
     let (frames, _) = bead.ask(&Request::Identity);
-    let told = frames.iter().find_map(|message| match message {
-        Message::Update(update) => Some(update.stage),
-        _ => None,
-    });
+    let told = bodies(&frames).map(|update: &Update| update.stage).next();
     told.unwrap_or(UpdateStage::Settled)
 }
 
@@ -115,12 +112,8 @@ fn an_image_that_fails_its_trial_goes_back_and_the_one_before_says_so() {
         "what was there before"
     );
     bead.run(1.2);
-    let told = bead
-        .running
-        .frames
-        .iter()
-        .any(|(_, message)| matches!(message, Message::LastFault(last) if last.detail.as_str() == text));
-    assert!(told, "why it came back");
+    let mut last = bead.running.all::<LastFault>();
+    assert!(last.any(|last| last.detail.as_str() == text), "why it came back");
 }
 
 #[test]
@@ -143,13 +136,9 @@ fn what_is_not_for_this_bead_is_refused_before_anything_is_erased() {
         hash: hash(&image),
     };
     let unsigned = "the image is not signed with the key that this bead was built with";
-    let mut cut = match begin(&image, |_| {}) {
-        Request::BeginUpdate { manifest, .. } => manifest.bytes().to_vec(),
-        _ => unreachable!("it begins an update"),
-    };
-    cut.pop();
+    let whole = ours.signed(&DEVELOPMENT_SEED).expect("its names are short");
     let cut = Request::BeginUpdate {
-        manifest: bead_wire::Manifest::try_from(&cut[..]).expect("it fits"),
+        manifest: bead_wire::Manifest::try_from(&whole[1..]).expect("it fits"),
         older: true,
     };
     for (request, why) in [
