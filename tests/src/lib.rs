@@ -1,16 +1,25 @@
 //! Code that the end-to-end tests share: the paper's strike on bead 8, through the flash image in QEMU.
 //!
 //! The tests need the image and the overlay; `cargo xtask test` builds both before it runs them.
+//!
+//! # Panics
+//! A function panics where it cannot do its work, so that the test fails; the message says why.
 
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
 use bead_bench::emulation::{Emulation, Placed};
+use bead_bench::faults::{self, Planned};
 use bead_bench::image::find_image;
 use bead_compare::front_end::AnalogFrontEnd;
 use bead_compare::sensed::{Timing, load_scenario, simulate_with_ring_down};
-use bead_recording::frames::{self, Frame};
-use bead_wire::{ANY, Counters, FaultCause, Key, MAX_REQUEST, Message, Request, Ticket, encode_request};
+use bead_recording::frames::{Frame, decode};
+use bead_recording::strikes::{RecordedStrike, assemble};
+use bead_testing::bodies;
+use bead_wire::{
+    ANY, Counters, Fault, FaultCause, Identity, Key, MAX_REQUEST, Message, Request, Status, Ticket,
+    encode_request,
+};
 use hertz_chain::{Scenario, Solution};
 use stm32f405_qemu::{Outcome, Run, UartInput};
 
@@ -30,9 +39,6 @@ pub fn workspace() -> &'static Path {
 }
 
 /// A scenario of `docs/scenarios`.
-///
-/// # Panics
-/// It cannot be read; the message says why.
 pub fn scenario(name: &str) -> Scenario {
     let file = workspace().join(format!("docs/scenarios/{name}.toml"));
     load_scenario(&file)
@@ -41,25 +47,16 @@ pub fn scenario(name: &str) -> Scenario {
 }
 
 /// The motion of its chain until the intruders rest.
-///
-/// # Panics
-/// It cannot be computed; the message says why.
 pub fn solved(scenario: &Scenario) -> Solution {
     simulate_with_ring_down(scenario).unwrap_or_else(|failure| panic!("{failure}"))
 }
 
 /// The flash image, as built.
-///
-/// # Panics
-/// It is not there; the message says how to build it.
 pub fn image() -> PathBuf {
     find_image(None).unwrap_or_else(|failure| panic!("{failure}"))
 }
 
 /// A run of the image on `strikes` strikes of the paper, `interval` seconds apart, with the noise of `seed`.
-///
-/// # Panics
-/// Something that it needs is missing; the message says what.
 pub fn paper(strikes: u32, interval: f64, seed: Option<u64>) -> Emulation {
     paper_at(timed(LEAD_IN, strikes, interval), seed)
 }
@@ -74,9 +71,6 @@ pub fn timed(lead_in: f64, strikes: u32, interval: f64) -> Timing {
 }
 
 /// As [`paper`], the first strike when `timing` says.
-///
-/// # Panics
-/// Something that it needs is missing; the message says what.
 pub fn paper_at(timing: Timing, seed: Option<u64>) -> Emulation {
     // All tests of a program share the motion.
     static PAPER: LazyLock<(Scenario, Solution)> = LazyLock::new(|| {
@@ -85,16 +79,30 @@ pub fn paper_at(timing: Timing, seed: Option<u64>) -> Emulation {
         (scenario, solution)
     });
     let (scenario, solution) = &*PAPER;
+    place(scenario, solution, Placed::alone(HOST, seed), timing)
+}
+
+/// A run of a bead in the motion of a chain, behind the front end that a bead has as a rule.
+pub fn place(scenario: &Scenario, solution: &Solution, placed: Placed, timing: Timing) -> Emulation {
     let front_end = AnalogFrontEnd::default();
-    Emulation::place(
-        scenario,
-        solution,
-        Placed::alone(HOST, seed),
-        &front_end,
-        timing,
-        &image(),
-    )
-    .unwrap_or_else(|failure| panic!("{failure}"))
+    Emulation::place(scenario, solution, placed, &front_end, timing, &image())
+        .unwrap_or_else(|failure| panic!("{failure}"))
+}
+
+/// Faults of these kinds, s after the first scan.
+pub fn faults_at(faults: &[(f64, &str)]) -> Vec<Planned> {
+    let entry = |(at, kind): &(f64, &str)| format!("[[fault]]\nat = {at}\nkind = \"{kind}\"\n");
+    planned(&faults.iter().map(entry).collect::<String>())
+}
+
+/// The faults of a file.
+pub fn planned(text: &str) -> Vec<Planned> {
+    faults::parse(text, "faults").unwrap_or_else(|failure| panic!("{failure}"))
+}
+
+/// Runs the image.
+pub fn execute(machine: &Run) -> Outcome {
+    machine.execute().unwrap_or_else(|error| panic!("{error}"))
 }
 
 /// When the last byte of the first reply to a request had left the bead, in s as [`Requests::request`] counts
@@ -119,63 +127,43 @@ pub struct RunFrames {
 }
 
 impl RunFrames {
-    /// The fault frames, in the order in which they came.
-    pub fn faults(&self) -> impl Iterator<Item = &bead_wire::Fault> {
-        self.frames.iter().filter_map(|frame| match &frame.message {
-            Message::Fault(fault) => Some(fault),
-            _ => None,
-        })
+    /// The bodies of the frames of one kind, in the order in which they came.
+    pub fn all<'a, B: 'a>(&'a self) -> impl Iterator<Item = &'a B>
+    where
+        &'a B: TryFrom<&'a Message>,
+    {
+        bodies(self.frames.iter().map(|frame| &frame.message))
+    }
+
+    /// The body of the last frame of a kind.
+    pub fn last<'a, B: Copy + 'a>(&'a self) -> B
+    where
+        &'a B: TryFrom<&'a Message>,
+    {
+        *self
+            .all()
+            .last()
+            .expect("the bead sends its status, health, link and guard at boot")
     }
 
     /// Causes of the faults.
     pub fn causes(&self) -> Vec<FaultCause> {
-        self.faults().map(|fault| fault.cause).collect()
+        self.all::<Fault>().map(|fault| fault.cause).collect()
     }
 
     /// Details of the faults.
     pub fn details(&self) -> Vec<&str> {
-        self.faults().map(|fault| fault.detail.as_str()).collect()
-    }
-
-    /// The message that `of` takes from the last frame that has one.
-    ///
-    /// # Panics
-    /// There is none.
-    fn last<T>(&self, of: impl FnMut(&Frame) -> Option<T>) -> T {
-        let last = self.frames.iter().rev().find_map(of);
-        last.expect("the bead sends its status, health, link and guard at boot")
+        self.all::<Fault>().map(|fault| fault.detail.as_str()).collect()
     }
 
     /// The last status frame.
-    pub fn status(&self) -> bead_wire::Status {
-        self.last(|frame| match frame.message {
-            Message::Status(status) => Some(status),
-            _ => None,
-        })
+    pub fn status(&self) -> Status {
+        self.last()
     }
 
-    /// The last health frame.
-    pub fn health(&self) -> bead_wire::Health {
-        self.last(|frame| match frame.message {
-            Message::Health(health) => Some(health),
-            _ => None,
-        })
-    }
-
-    /// The last link frame.
-    pub fn link(&self) -> bead_wire::Link {
-        self.last(|frame| match frame.message {
-            Message::Link(link) => Some(link),
-            _ => None,
-        })
-    }
-
-    /// The last guard frame.
-    pub fn guard(&self) -> bead_wire::Guard {
-        self.last(|frame| match frame.message {
-            Message::Guard(guard) => Some(guard),
-            _ => None,
-        })
+    /// The strikes of all boots.
+    pub fn strikes(&self) -> Vec<RecordedStrike> {
+        assemble(self.frames.clone(), None)
     }
 
     /// The replies to a request: their places among the frames.
@@ -189,10 +177,7 @@ impl RunFrames {
             })
     }
 
-    /// Outcome and detail of the reply to a request.
-    ///
-    /// # Panics
-    /// There is not exactly one.
+    /// Outcome and detail of the one reply to a request.
     pub fn answer(&self, request: u16) -> (bead_wire::Outcome, String) {
         let mut replies = self.replies(request);
         let (Some((_, reply)), None) = (replies.next(), replies.next()) else {
@@ -201,10 +186,7 @@ impl RunFrames {
         (reply.outcome, reply.detail.as_str().to_owned())
     }
 
-    /// Returns the messages sent within 30 ms before the reply to a request: the data requested.
-    ///
-    /// # Panics
-    /// There is not exactly one reply.
+    /// Returns the messages sent within 30 ms before the one reply to a request: the data requested.
     pub fn answered(&self, request: u16) -> Vec<&Message> {
         self.answer(request);
         let (place, _) = self.replies(request).next().expect("there is one");
@@ -218,18 +200,17 @@ impl RunFrames {
 
     /// Boot and reset cause of each identity, one a boot.
     pub fn boots(&self) -> Vec<(u32, u8)> {
-        let identities = self.frames.iter().filter_map(|frame| match &frame.message {
-            Message::Identity(identity) => Some((identity.boot, identity.reset_cause.bits())),
-            _ => None,
-        });
-        let mut boots: Vec<_> = identities.collect();
+        let identities = self.all::<Identity>();
+        let mut boots: Vec<_> = identities
+            .map(|identity| (identity.boot, identity.reset_cause.bits()))
+            .collect();
         boots.dedup();
         boots
     }
 
     /// Decodes a stream.
     pub fn new(stream: Vec<u8>) -> Self {
-        let (frames, counters) = frames::decode(&stream);
+        let (frames, counters) = decode(&stream);
         Self {
             stream,
             frames,
@@ -258,9 +239,6 @@ impl Requests {
 
     /// Sends a request `at` s after the start that follows [`SUPPLY_WAIT`], or after what is still being
     /// sent; gives its number, counted from 0.
-    ///
-    /// # Panics
-    /// It is no request that can be sent.
     pub fn request(&mut self, at: f64, request: &Request) -> u16 {
         let number = self.next;
         self.next += 1;
@@ -272,9 +250,6 @@ impl Requests {
     }
 
     /// Sends a request signed for the bead with this device id; as [`request`](Self::request).
-    ///
-    /// # Panics
-    /// As [`request`](Self::request).
     pub fn signed(&mut self, at: f64, request: &Request, key: &Key, uid: &[u8; 12], ticket: Ticket) -> u16 {
         let signed = request.signed(key, uid, ANY, self.next, ticket);
         self.request(at, &signed)
@@ -287,11 +262,8 @@ impl Requests {
     }
 
     /// Runs the image.
-    ///
-    /// # Panics
-    /// QEMU fails.
     pub fn run(self) -> RequestsRun {
-        let outcome = self.machine.execute().unwrap_or_else(|error| panic!("{error}"));
+        let outcome = execute(&self.machine);
         RequestsRun {
             received: RunFrames::new(outcome.uart.clone()),
             rows: self.machine.stimulus,
@@ -302,13 +274,10 @@ impl Requests {
 
     /// When the image takes the first scan, in the time of [`request`](Self::request). No request changes
     /// that.
-    ///
-    /// # Panics
-    /// QEMU fails, or the image never samples.
     pub fn first_scan(&self) -> f64 {
         let mut quick = self.machine.clone();
         quick.stimulus.truncate(1);
-        let outcome = quick.execute().unwrap_or_else(|error| panic!("{error}"));
+        let outcome = execute(&quick);
         outcome.sampling.expect("the image samples").first_ns as f64 * 1e-9 - SUPPLY_WAIT
     }
 }

@@ -2,9 +2,8 @@
 
 use std::fs;
 
-use bead_recording::strikes::assemble;
-use bead_tests::{RunFrames, image, paper, workspace};
-use bead_wire::Message;
+use bead_tests::{RunFrames, execute, image, paper, workspace};
+use bead_wire::Board;
 
 #[test]
 fn each_board_measures_the_strike_alike_and_says_its_name() {
@@ -34,9 +33,7 @@ fn each_board_measures_the_strike_alike_and_says_its_name() {
             machine.elf.display()
         );
         machine.hse_hz = mhz * 1_000_000;
-        let outcome = machine
-            .execute()
-            .unwrap_or_else(|error| panic!("{name}: {error}"));
+        let outcome = execute(&machine);
         assert_eq!(outcome.unmodelled, [""; 0], "{name}");
         let flashes = outcome.pins.iter().find(|pin| pin.name == light);
         assert!(
@@ -46,11 +43,7 @@ fn each_board_measures_the_strike_alike_and_says_its_name() {
         );
         let received = RunFrames::new(outcome.uart);
         assert_eq!(received.causes(), [], "{name}");
-        let told = received.frames.iter().find_map(|frame| match &frame.message {
-            Message::Board(board) => Some(board.clone()),
-            _ => None,
-        });
-        let told = told.expect("a frame of the board");
+        let told: &Board = received.all().next().expect("a frame of the board");
         let expected = (name, mhz, 0x413, 0);
         let told = (
             told.name.as_str(),
@@ -59,7 +52,7 @@ fn each_board_measures_the_strike_alike_and_says_its_name() {
             told.read_protection,
         );
         assert_eq!(told, expected);
-        let [strike] = &assemble(received.frames, None)[..] else {
+        let [strike] = &received.strikes()[..] else {
             panic!("{name}: one strike")
         };
         measured.push((strike.said, strike.scans.clone()));

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use bead_bench::counted_cycles::{BUSIEST_BLOCK, IDLE_BLOCK, MASKED};
 use bead_model::design::{Bead, Capture, FrontEnd, derive};
 use bead_testing::block;
-use bead_tests::{RunFrames, image, paper, scenario, solved, workspace};
+use bead_tests::{RunFrames, execute, image, paper, scenario, solved, workspace};
 use object::read::elf::{ElfFile32, ProgramHeader};
 use object::{Object, ObjectSymbol};
 use stm32f405_qemu::{BlockCost, Cycles, Instructions, Run};
@@ -130,26 +130,6 @@ fn rewritten(text: &str, measured: &[(&str, Vec<f64>)]) -> String {
 }
 
 #[test]
-fn the_page_is_rewritten_in_its_figures_and_nowhere_else() {
-    let page = "| trigger | 8.7 | 12.0 | sample |\n| what | of |\n| stack, deepest | 7 016 | 41 984 | how |\nother\n";
-    let figures = [
-        ("trigger", vec![9.04, 13.0]),
-        ("stack, deepest", vec![912.0, 40_960.0]),
-    ];
-    assert_eq!(
-        rewritten(page, &figures),
-        "| trigger | 9.0 | 13.0 | sample |\n| what | of |\n| stack, deepest | 912 | 40 960 | how |\nother\n"
-    );
-    assert_eq!(
-        committed(page),
-        [
-            ("trigger".into(), vec![8.7, 12.0]),
-            ("stack, deepest".into(), vec![7016.0, 41_984.0])
-        ]
-    );
-}
-
-#[test]
 fn the_image_names_no_folder_of_the_computer_that_built_it() {
     let image = fs::read(image()).unwrap();
     let home = std::env::var_os("HOME").map(PathBuf::from);
@@ -192,7 +172,7 @@ fn the_longest_window_makes_no_block_busier_than_any_settings_may() {
 /// A run that counts cycles, and what it counted.
 fn counted(mut machine: Run) -> (u64, Instructions) {
     machine.count_cycles = true;
-    let outcome = machine.execute().unwrap_or_else(|error| panic!("{error}"));
+    let outcome = execute(&machine);
     let scans = outcome.sampling.expect("it samples").scans;
     (scans, outcome.instructions.expect("they are counted"))
 }

@@ -1,15 +1,16 @@
 //! Beads of one chain on one strike, on one time: what each takes, and when the wave came to it.
 
 use std::path::Path;
+use std::slice;
 use std::sync::Arc;
 
 use bead_bench::emulation::{Emulation, Placed, Ran};
 use bead_bench::several::{self, Crystals};
-use bead_compare::front_end::AnalogFrontEnd;
 use bead_compare::row::{BeadRow, RowChain, RowComparison, among, compare};
+use bead_recording::clock::{self, ClockComparison, RecordedBoot};
 use bead_recording::file::{About, Recording, RecordingOrigin, RecordingWriter, State};
 use bead_tables::whole::Target;
-use bead_tests::{image, solved, timed};
+use bead_tests::{place, solved, timed};
 use hertz_chain::{Scenario, Solution};
 
 /// Within which the beads are switched on, s.
@@ -35,8 +36,7 @@ fn placed() -> Vec<Placed> {
 fn run(scenario: &Scenario, solution: &Solution, placed: &[Placed]) -> Vec<(Emulation, Ran)> {
     let timing = timed(0.02 + START_SPREAD, 1, 0.1);
     let prepare = |placed| {
-        let front_end = AnalogFrontEnd::default();
-        let mut run = Emulation::place(scenario, solution, placed, &front_end, timing, &image())?;
+        let mut run = place(scenario, solution, placed, timing);
         // In step with no clock.
         run.sync((1..).map(|n| 0.100_371_9 * f64::from(n)));
         Ok(run)
@@ -77,6 +77,43 @@ fn compared(path: &Path, scenario: &Scenario, solution: &Solution) -> RowCompari
     compare(&row, &chain, notes).unwrap_or_else(|error| panic!("{error}"))
 }
 
+/// The start of each bead and its highest force, on the time of the first, are where they were put.
+fn assert_on_one_time(clocks: &ClockComparison, ran: &[(Emulation, Ran)], solution: &Solution) {
+    let truth = |place: &RecordedBoot| {
+        let is =
+            |(emulation, _): &&(Emulation, Ran)| emulation.settings.description().address == place.address;
+        &ran.iter().find(is).expect("it has an address of its own").0.truth
+    };
+    let first = truth(clocks.reference.as_ref().expect("they share edges"));
+    let on_first = |seconds: f64| seconds * (1.0 + first.clock_ppm * 1e-6);
+    let mut worst = [0.0_f64; 2];
+    for alignment in &clocks.alignments {
+        let began = on_first(truth(&alignment.place).began - first.began);
+        worst[0] = worst[0].max((alignment.offset_s - began).abs());
+    }
+    let summary = solution.summary();
+    let highest = |bead: usize| {
+        let peak = summary.peak_force.iter().find(|peak| peak.contact == bead);
+        peak.expect("the wave passes the bead").time
+    };
+    let arrival = |bead: usize| {
+        let mut strikes = clocks.strikes.iter();
+        let strike = strikes.find(|strike| truth(&strike.place).bead == bead);
+        strike.expect("each bead has the strike").arrival_s
+    };
+    for bead in HOSTS {
+        let took = on_first(highest(bead) - highest(first.bead));
+        worst[1] = worst[1].max((arrival(bead) - arrival(first.bead) - took).abs());
+    }
+    println!(
+        "starts within {:.3e} s, highest forces within {:.3e} s",
+        worst[0], worst[1]
+    );
+    assert_eq!((clocks.alignments.len(), clocks.strikes.len()), (9, 10));
+    // Two clocks of the timer that takes the edges, and what a parabola through the samples leaves.
+    assert!(worst[0] < 2.0 / 84e6 && worst[1] < 5e-7, "{worst:?}");
+}
+
 /// Ten beads at hosts 7 to 16: transmissions within 0.002 by A and 0.005 by B, arrivals to 0.2 µs rms, all
 /// replays identical. Gives the runs, and what comes of them.
 fn assert_tells(scenario: &Scenario, solution: &Solution) -> (Vec<(Emulation, Ran)>, RowComparison) {
@@ -86,6 +123,9 @@ fn assert_tells(scenario: &Scenario, solution: &Solution) -> (Vec<(Emulation, Ra
     record(&path, &ran);
     let recording = Recording::open(&path).unwrap_or_else(|error| panic!("{error}"));
     assert_eq!((recording.state, recording.beads.len()), (State::Whole, 10));
+
+    let clocks = clock::compare(slice::from_ref(&path)).unwrap_or_else(|error| panic!("{error}"));
+    assert_on_one_time(&clocks, &ran, solution);
 
     let told = compared(&path, scenario, solution);
     assert_eq!((told.strikes, &told.notes[..]), (1, &[] as &[String]));

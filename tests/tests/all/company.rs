@@ -3,10 +3,8 @@
 
 use bead_bench::emulation::{Emulation, Placed};
 use bead_compare::emulated::EmulatorReport;
-use bead_compare::front_end::AnalogFrontEnd;
 use bead_compare::replay::replay;
-use bead_recording::strikes::assemble;
-use bead_tests::{RunFrames, image, scenario, solved, timed};
+use bead_tests::{RunFrames, place, scenario, solved, timed};
 use bead_wire::StrikeFlags;
 use hertz_chain::{Scenario, Solution};
 
@@ -19,16 +17,18 @@ pub(crate) fn emulation(
     host: usize,
     noise: Option<u64>,
 ) -> Emulation {
-    let (front_end, timing) = (AnalogFrontEnd::default(), timed(0.02, 1, 0.1));
-    let placed = Placed::alone(host, noise);
-    Emulation::place(scenario, solution, placed, &front_end, timing, &image())
-        .unwrap_or_else(|failure| panic!("{failure}"))
+    place(
+        scenario,
+        solution,
+        Placed::alone(host, noise),
+        timed(0.02, 1, 0.1),
+    )
 }
 
 /// Errors of A and B in per cent, the strike's flags, and what the run cost.
 fn measured(emulation: &Emulation) -> ([f64; 2], StrikeFlags, EmulatorReport) {
     let run = emulation.run().unwrap_or_else(|failure| panic!("{failure}"));
-    let strikes = assemble(RunFrames::new(run.stream).frames, None);
+    let strikes = RunFrames::new(run.stream).strikes();
     let [strike] = &strikes[..] else {
         panic!("{} strikes", strikes.len())
     };

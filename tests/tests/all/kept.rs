@@ -1,8 +1,7 @@
 //! Strikes that the bead keeps: fetched later, they are bit for bit what was sent first, also after a reset.
 
-use bead_bench::emulation::Emulation;
-use bead_bench::faults;
-use bead_tests::{Requests, RequestsRun, RunFrames, paper};
+use bead_testing::bodies;
+use bead_tests::{Requests, RunFrames, faults_at, paper};
 use bead_wire::{Fetched, Kept, Message, Outcome, Request};
 
 /// The frames of a strike as they were sent first, the settings before them.
@@ -24,11 +23,8 @@ fn sent(received: &RunFrames, boot: u8, strike: u32) -> Vec<Message> {
 
 /// The frames that came again of a strike, in the order in which they came.
 fn fetched(received: &RunFrames, boot: u32, strike: u32) -> Vec<Message> {
-    let frames = received.frames.iter().filter_map(|frame| match &frame.message {
-        Message::Fetched(fetched) if (fetched.boot, fetched.strike) == (boot, strike) => Some(fetched),
-        _ => None,
-    });
-    let frames: Vec<&Fetched> = frames.collect();
+    let of_strike = |frame: &&Fetched| (frame.boot, frame.strike) == (boot, strike);
+    let frames: Vec<&Fetched> = received.all().filter(of_strike).collect();
     for (part, frame) in frames.iter().enumerate() {
         assert_eq!(
             (usize::from(frame.part), usize::from(frame.parts)),
@@ -41,30 +37,11 @@ fn fetched(received: &RunFrames, boot: u32, strike: u32) -> Vec<Message> {
         .collect()
 }
 
-fn listed(answered: &RequestsRun, request: u16) -> Vec<Kept> {
-    let kept = |message: &Message| match message {
-        Message::Kept(kept) => Some(*kept),
-        _ => None,
-    };
-    answered
-        .received
-        .answered(request)
-        .into_iter()
-        .filter_map(kept)
-        .collect()
-}
-
-/// One fault of this kind at 0.5 s.
-fn with_fault(run: &mut Emulation, kind: &str) {
-    let text = format!("[[fault]]\nat = 0.5\nkind = \"{kind}\"\n");
-    run.faults = faults::parse(&text, "faults").unwrap_or_else(|failure| panic!("{failure}"));
-}
-
 #[test]
 fn strikes_outlive_a_reset_by_the_watchdog() {
     // One before the reset, one after it: both have the number 0.
     let mut run = paper(2, 2.8, Some(1));
-    with_fault(&mut run, "hang");
+    run.faults = faults_at(&[(0.5, "hang")]);
     let mut requests = Requests::new(&run);
     let list = requests.request(2.95, &Request::ListKept);
     let numbers = [0, 1].map(|boot| {
@@ -73,24 +50,12 @@ fn strikes_outlive_a_reset_by_the_watchdog() {
     });
     let answered = requests.run();
     assert_eq!(answered.outcome.resets.len(), 1);
-    assert_eq!(listed(&answered, list).len(), 2);
+    let listed = answered.received.answered(list);
+    assert_eq!(bodies::<Kept>(listed).count(), 2);
     for (boot, number) in (0..).zip(numbers) {
         assert_eq!(answered.received.answer(number).0, Outcome::Done);
         let again = fetched(&answered.received, boot, 0);
         assert_eq!(again, sent(&answered.received, boot as u8, 0));
         assert_eq!(again.len(), 24);
     }
-}
-
-#[test]
-fn a_power_cut_leaves_no_strike() {
-    let mut run = paper(2, 0.9, Some(1));
-    with_fault(&mut run, "power_cut");
-    let mut requests = Requests::new(&run);
-    let list = requests.request(0.8, &Request::ListKept);
-    let fetch = requests.request(0.85, &Request::Fetch { boot: 0, strike: 0 });
-    let answered = requests.run();
-    assert_eq!(answered.outcome.resets.len(), 1);
-    assert_eq!(listed(&answered, list), []);
-    assert_eq!(answered.received.answer(fetch).0, Outcome::NotKept);
 }

@@ -15,7 +15,8 @@ use bead_line::conversation::Conversation;
 use bead_line::port::Address;
 use bead_tests::{Requests, image, paper, workspace};
 use bead_wire::{
-    Decoder, Energy, MAX_FRAME, Message, Outcome, Request, RequestDecoder, ResetCauses, StrikeFlags, encode,
+    Decoder, Energy, MAX_FRAME, Message, Outcome, Request, RequestDecoder, ResetCauses, Strike, StrikeFlags,
+    encode,
 };
 use rayon::ThreadPoolBuilder;
 use rayon::prelude::*;
@@ -53,7 +54,7 @@ struct Setup {
     patience_s: u64,
 }
 
-fn wires(pairs: &[(&str, &str)]) -> Vec<AnalogWire> {
+pub(crate) fn wires(pairs: &[(&str, &str)]) -> Vec<AnalogWire> {
     let wire = |(from, to): &(&str, &str)| {
         let mut wire = AnalogWire::new(*from, *to);
         wire.noise = NOISE;
@@ -80,6 +81,13 @@ impl Setup {
         let mut setup = Self::right();
         change(&mut setup.wires[to]);
         setup
+    }
+
+    fn on_line(line: LineFault) -> Self {
+        Self {
+            line,
+            ..Self::right()
+        }
     }
 
     fn changed(change: impl Fn(&mut Run) + Send + Sync + 'static) -> Self {
@@ -244,13 +252,7 @@ fn faults() -> Vec<(&'static str, Setup)> {
             setup.wires.iter_mut().for_each(|wire| wire.delay_ns = 10_000);
             setup
         }),
-        (
-            "strike, replay",
-            Setup {
-                line: LineFault::OtherBit,
-                ..Setup::right()
-            },
-        ),
+        ("strike, replay", Setup::on_line(LineFault::OtherBit)),
         ("strike, values", Setup::wired(1, |wire| wire.lag_ns = 60_000)),
         // The second strike of the train: the first has its triggers up to some 350.
         (
@@ -268,9 +270,8 @@ fn faults() -> Vec<(&'static str, Setup)> {
         (
             "requests",
             Setup {
-                line: LineFault::Swallowed,
                 patience_s: 3,
-                ..Setup::right()
+                ..Setup::on_line(LineFault::Swallowed)
             },
         ),
         (
@@ -280,13 +281,7 @@ fn faults() -> Vec<(&'static str, Setup)> {
                 ..fault(12.0, FaultKind::AdcOverrun)
             },
         ),
-        (
-            "line",
-            Setup {
-                line: LineFault::Noise,
-                ..Setup::right()
-            },
-        ),
+        ("line", Setup::on_line(LineFault::Noise)),
         (
             "settings",
             Setup {
@@ -300,13 +295,7 @@ fn faults() -> Vec<(&'static str, Setup)> {
                 )
             },
         ),
-        (
-            "watchdog",
-            Setup {
-                line: LineFault::OtherCause,
-                ..Setup::right()
-            },
-        ),
+        ("watchdog", Setup::on_line(LineFault::OtherCause)),
     ]
 }
 
@@ -355,11 +344,8 @@ fn wires_that_are_missing_or_exchanged_are_named_and_what_needs_none_is_checked_
         setup.resets = false;
         let report = setup.report();
         assert_eq!(verdicts(&report, CheckVerdict::Failed), ["wires"]);
-        let row = report
-            .checks
-            .iter()
-            .find(|row| row.check == "wires")
-            .expect("it is there");
+        let mut rows = report.checks.iter();
+        let row = rows.find(|row| row.check == "wires").expect("it is there");
         assert!(row.seen.contains(why), "{}", row.seen);
         assert_eq!(verdicts(&report, CheckVerdict::NotDone).len(), 16);
         assert_eq!(verdicts(&report, CheckVerdict::Passed).len(), 5);
@@ -378,23 +364,15 @@ fn what_is_played_has_settled_when_it_is_converted_and_no_register_is_touched_th
     let play = requests.request(0.3, &play);
     let run = requests.run();
     assert_eq!(run.received.answer(play).0, Outcome::Done);
-    let strikes = run
-        .received
-        .frames
-        .iter()
-        .filter_map(|frame| match &frame.message {
-            Message::Strike(strike) => Some(strike.flags.has(StrikeFlags::PLAYED)),
-            _ => None,
-        });
-    assert_eq!(strikes.collect::<Vec<_>>(), [true, true]);
+    let strikes = run.received.all::<Strike>();
+    let played = strikes.map(|strike| strike.flags.has(StrikeFlags::PLAYED));
+    assert_eq!(played.collect::<Vec<_>>(), [true, true]);
     assert_eq!(run.received.causes(), []);
     let outcome = &run.outcome;
     assert_eq!((outcome.overruns, &outcome.unknown_registers[..]), (0, &[][..]));
-    let of_dac = outcome
-        .unmodelled
-        .iter()
-        .filter(|note| note.starts_with("DAC") || note.starts_with("DMA"));
-    assert_eq!(of_dac.collect::<Vec<_>>(), [""; 0]);
+    let mut notes = outcome.unmodelled.iter();
+    let of_dac = notes.find(|note| note.starts_with("DAC") || note.starts_with("DMA"));
+    assert_eq!(of_dac, None);
 }
 
 /// Numbers that a run of another build repeats within these parts, or these absolute differences where they

@@ -2,10 +2,9 @@
 
 use std::sync::LazyLock;
 
-use bead_recording::strikes::{RecordedStrike, assemble};
+use bead_recording::strikes::RecordedStrike;
 use bead_tests::{Requests, RequestsRun, paper};
-use bead_wire::Message;
-use bead_wire::{ANY, Check, Link, MAX_REQUEST, Outcome, Request, Standing, StrikeFlags, encode_request};
+use bead_wire::{ANY, Link, MAX_REQUEST, Message, Outcome, Raw, Request, encode_request};
 use proptest::prelude::Rng;
 use proptest::test_runner::{RngAlgorithm, TestRng};
 
@@ -14,10 +13,8 @@ const RATE: u64 = 100_000;
 /// Bytes a second at 2 Mbaud, 8N1.
 const LINE: f64 = 200e3;
 /// Two strikes with no request.
-static QUIET: LazyLock<Vec<RecordedStrike>> = LazyLock::new(|| {
-    let answered = Requests::new(&paper(2, 0.1, Some(1))).run();
-    assemble(answered.received.frames.clone(), None)
-});
+static QUIET: LazyLock<Vec<RecordedStrike>> =
+    LazyLock::new(|| Requests::new(&paper(2, 0.1, Some(1))).run().received.strikes());
 
 /// Two strikes while the line is busy with `bytes` from 10 ms before the first to 50 ms after it.
 fn flooded(bytes: impl Fn(&mut TestRng) -> Vec<u8>) -> RequestsRun {
@@ -37,7 +34,7 @@ fn flooded(bytes: impl Fn(&mut TestRng) -> Vec<u8>) -> RequestsRun {
 
 /// Nothing that the host sent made a difference to the strikes, or to any frame of the bead's own.
 fn assert_undisturbed(answered: &RequestsRun) {
-    let strikes = assemble(answered.received.frames.clone(), None);
+    let strikes = answered.received.strikes();
     assert_eq!(strikes.len(), 2);
     for (strike, quiet) in strikes.iter().zip(QUIET.iter()) {
         assert_eq!(strike.said, quiet.said, "A and B in every bit");
@@ -51,7 +48,7 @@ fn assert_undisturbed(answered: &RequestsRun) {
         (0, 0)
     );
     assert_eq!((answered.outcome.overruns, answered.outcome.resets.len()), (0, 0));
-    assert_eq!(answered.received.faults().count(), 0);
+    assert_eq!(answered.received.causes(), []);
     assert_eq!(answered.outcome.unknown_registers, []);
 }
 
@@ -90,7 +87,7 @@ fn a_flood_at_full_rate_changes_no_bit_and_a_request_behind_it_is_done() {
     for (n, (bytes, range, overruns)) in floods.into_iter().enumerate() {
         let answered = flooded(bytes);
         assert_undisturbed(&answered);
-        let link = answered.received.link();
+        let link = answered.received.last::<Link>();
         println!("{link:?}");
         assert!(range.contains(&rejected(&link)), "flood {n}: {link:?}");
         assert_eq!((link.overruns > 0, link.line_errors), (overruns, 0), "flood {n}");
@@ -118,7 +115,7 @@ fn no_byte_is_lost_to_a_core_that_looks_before_the_dma_has_fetched_it() {
         requests.request(0.02 + 0.00137 * f64::from(n), &Request::Arm);
     }
     let answered = requests.run();
-    let link = answered.received.link();
+    let link = answered.received.last::<Link>();
     assert_eq!((link.requests, link.overruns, link.line_errors), (all, 0, 0));
     assert_eq!(
         (link.rejected_crc, link.rejected_cobs, link.rejected_too_short),
@@ -138,73 +135,7 @@ fn a_line_that_falls_idle_after_every_byte_changes_no_bit() {
     }
     let answered = requests.run();
     assert_undisturbed(&answered);
-    assert_eq!(answered.received.link().bytes, 7000);
-}
-
-#[test]
-fn each_request_is_answered_with_what_it_asks_for() {
-    let mut requests = Requests::new(&paper(0, 0.1, Some(1)));
-    let sent = [
-        Request::Identity,
-        Request::Status,
-        Request::ReadSettings,
-        Request::SelfTest,
-    ];
-    for (n, request) in (0..).zip(&sent) {
-        requests.request(0.2 + 0.1 * f64::from(n), request);
-    }
-    let answered = requests.run();
-    // The bead sends its own frames at boot and each second.
-    let answers: Vec<Vec<&Message>> = (0..sent.len() as u16)
-        .map(|number| answered.received.answered(number))
-        .collect();
-    let [Message::Identity(identity), Message::Board(board)] = answers[0][..] else {
-        panic!("{:?}", answers[0]);
-    };
-    assert_eq!((board.name.as_str(), board.crystal_mhz), ("stm32f405rg", 8));
-    assert_eq!((identity.boot, u64::from(identity.sample_rate_hz)), (0, RATE));
-    let [
-        Message::Status(status),
-        Message::Health(health),
-        Message::Link(link),
-        ..,
-    ] = answers[1][..]
-    else {
-        panic!("{:?}", answers[1]);
-    };
-    assert!(status.armed && status.samples > RATE / 5);
-    assert_eq!((health.supply_mv, health.standing), (3300, Standing::NONE));
-    assert_eq!(link.requests, 1, "the one before; this is being answered");
-    let [Message::Settings(block)] = answers[2][..] else {
-        panic!("{:?}", answers[2]);
-    };
-    assert_eq!(block.block.bytes(), answered.block);
-    let checks: Vec<_> = answers[3]
-        .iter()
-        .map(|message| match message {
-            Message::SelfTest(test) => (test.check, test.passed),
-            other => panic!("{other:?}"),
-        })
-        .collect();
-    let all = [
-        Check::Supply,
-        Check::Force,
-        Check::Acceleration,
-        Check::Acquisition,
-        Check::Settings,
-        Check::Stack,
-        Check::Estimators,
-        Check::Store,
-    ];
-    assert_eq!(checks, all.map(|check| (check, true)));
-    assert_eq!(
-        answered.received.answer(3),
-        (Outcome::Done, "8 of 8 checks passed".to_owned())
-    );
-    assert_eq!(
-        (answered.outcome.overruns, answered.received.faults().count()),
-        (0, 0)
-    );
+    assert_eq!(answered.received.last::<Link>().bytes, 7000);
 }
 
 #[test]
@@ -247,10 +178,7 @@ fn a_raw_stream_carries_what_the_converter_gave_and_counts_what_it_could_not_car
     let mut raw = 0;
     let mut next = None;
     let mut gaps = 0;
-    for frame in &answered.received.frames {
-        let Message::Raw(piece) = &frame.message else {
-            continue;
-        };
+    for piece in answered.received.all::<Raw>() {
         for (index, codes) in (piece.first_index as usize..).zip(piece.codes.iter()) {
             // Scan 0 was started by software, before the first row.
             let [force, _, acceleration, _] = answered.rows[index.max(1) - 1];
@@ -260,7 +188,7 @@ fn a_raw_stream_carries_what_the_converter_gave_and_counts_what_it_could_not_car
         next = Some(piece.first_index + piece.codes.len() as u64);
         raw += piece.codes.len() as u64;
     }
-    let link = answered.received.link();
+    let link = answered.received.last::<Link>();
     assert_eq!(
         (link.raw_sent, link.raw_sent + link.raw_dropped),
         (raw, 3 * RATE / 10)
@@ -284,7 +212,7 @@ fn a_flood_of_requests_is_done_as_far_as_it_is_heard_and_none_of_it_twice() {
     assert_undisturbed(&answered);
     let replies: Vec<_> = (0..=last).map(|n| answered.received.replies(n).count()).collect();
     let received: usize = replies.iter().sum();
-    let link = answered.received.link();
+    let link = answered.received.last::<Link>();
     println!(
         "{received} of {} requests, {} overruns",
         replies.len(),
@@ -300,36 +228,4 @@ fn a_flood_of_requests_is_done_as_far_as_it_is_heard_and_none_of_it_twice() {
         Outcome::Done,
         "when the line is quiet again"
     );
-}
-
-#[test]
-fn the_window_around_a_scan_that_a_host_asks_for_comes_and_one_that_is_past_is_refused() {
-    let mut requests = Requests::new(&paper(0, 0.1, Some(1)));
-    let (past, coming) = (1, 30_000);
-    for (at, request) in [
-        (0.2, Request::Keep { index: past }),
-        (0.22, Request::Keep { index: coming }),
-        (0.5, Request::Identity),
-    ] {
-        requests.request(at, &request);
-    }
-    let answered = requests.run();
-    let outcomes = answered
-        .received
-        .frames
-        .iter()
-        .filter_map(|frame| match &frame.message {
-            Message::Reply(reply) => Some(reply.outcome),
-            _ => None,
-        });
-    let outcomes: Vec<_> = outcomes.collect();
-    assert_eq!(outcomes, [Outcome::OutOfRange, Outcome::Done, Outcome::Done]);
-    let strikes = assemble(answered.received.frames.clone(), None);
-    let kept = strikes.iter().map(|strike| &strike.said);
-    let kept: Vec<_> = kept.map(|said| (said.trigger_index, said.flags)).collect();
-    let [(index, flags)] = kept[..] else {
-        panic!("{kept:?}")
-    };
-    assert_eq!(index, coming);
-    assert!(flags.has(StrikeFlags::TRIGGERED_ON_REQUEST));
 }

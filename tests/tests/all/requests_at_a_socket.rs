@@ -13,14 +13,14 @@ use bead_bench::bridge::{Bridge, Door, serve};
 use bead_bench::emulation::Emulation;
 use bead_line::conversation::Conversation;
 use bead_testing::{block, settings_at};
-use bead_tests::paper;
+use bead_tests::{paper, planned};
 use bead_update::file::UpdateFile;
 use bead_update::manifest::DEVELOPMENT_SEED;
 use bead_wire::{ANY, UpdateStage};
 use clap::Parser;
 use object::{Object, ObjectSegment};
-use stm32f405_qemu::AnalogWire;
 
+use crate::loopback::wires;
 use crate::update::{NEW, signed_file};
 
 /// The board of the image.
@@ -151,22 +151,12 @@ fn settings_are_read_written_refused_and_reset_from_the_command_line() {
 #[test]
 fn a_board_on_a_bench_is_checked_from_the_command_line_and_the_wires_are_what_the_last_line_is_about() {
     let mut run = paper(0, 0.1, Some(1));
-    let wire = |from, to| {
-        let mut wire = AnalogWire::new(from, to);
-        wire.noise = 0.4;
-        wire
-    };
-    for (wires, said) in [
-        ([wire("PA4", "PA0"), wire("PA5", "PA2")], (0, String::new())),
-        (
-            [wire("PA5", "PA0"), wire("PA4", "PA2")],
-            (
-                1,
-                "the wires are exchanged: PA0 follows PA5 and PA2 follows PA4; swap them".to_owned(),
-            ),
-        ),
+    let exchanged = "the wires are exchanged: PA0 follows PA5 and PA2 follows PA4; swap them";
+    for (pairs, said) in [
+        ([("PA4", "PA0"), ("PA5", "PA2")], (0, String::new())),
+        ([("PA5", "PA0"), ("PA4", "PA2")], (1, exchanged.to_owned())),
     ] {
-        run.wires = wires.to_vec();
+        run.wires = wires(&pairs);
         behind_a_socket(&run, |bead| {
             let line = "bench --requests 4 --no-resets --out @capture.json --format json";
             assert_eq!(bead.run(line), said);
@@ -247,9 +237,7 @@ fn a_bead_is_asked_from_the_command_line() {
 #[test]
 fn a_self_test_that_fails_ends_with_status_1_and_says_what_failed() {
     let mut run = paper(1, 0.1, Some(1));
-    run.faults =
-        bead_bench::faults::parse("[[fault]]\nat = 0.01\nkind = \"supply\"\nvolts = 2.7\n", "faults")
-            .unwrap_or_else(|failure| panic!("{failure}"));
+    run.faults = planned("[[fault]]\nat = 0.01\nkind = \"supply\"\nvolts = 2.7\n");
     behind_a_socket(&run, |bead| {
         let (status, why) = bead.run("command self-test");
         assert_eq!(status, 1);
@@ -296,21 +284,19 @@ fn an_image_is_flashed_over_the_line_refused_and_taken_back_from_the_command_lin
             assert!(said.contains(why) && !said.contains('\n'), "{said}");
         };
         let file = signed_file(BOARD, "0.1.0", &DEVELOPMENT_SEED);
-        refused(
-            &signed_file("pyboard-1.1", "0.1.0", &DEVELOPMENT_SEED),
-            1,
-            "refused: image refused; the image is for pyboard-1.1, this is stm32f405rg",
-        );
-        refused(
-            &signed_file(BOARD, "0.0.9", &DEVELOPMENT_SEED),
-            1,
-            "refused: image refused; the image is 0.0.9, older than 0.1.0",
-        );
-        refused(
-            &signed_file(BOARD, "0.1.0", &[7; 32]),
-            1,
-            "refused: image refused; the image is not signed with the key",
-        );
+        for (board, version, seed, why) in [
+            (
+                "pyboard-1.1",
+                "0.1.0",
+                &DEVELOPMENT_SEED,
+                "for pyboard-1.1, this is stm32f405rg",
+            ),
+            (BOARD, "0.0.9", &DEVELOPMENT_SEED, "0.0.9, older than 0.1.0"),
+            (BOARD, "0.1.0", &[7; 32], "not signed with the key"),
+        ] {
+            let why = format!("refused: image refused; the image is {why}");
+            refused(&signed_file(board, version, seed), 1, &why);
+        }
         refused(
             &file[..file.len() - 192],
             2,
@@ -326,10 +312,12 @@ fn an_image_is_flashed_over_the_line_refused_and_taken_back_from_the_command_lin
         );
 
         // A line that was cut: the bead waits for the rest, and takes the whole anew.
-        let address = bead.address.parse().unwrap_or_else(|error| panic!("{error}"));
-        let patience = Duration::from_secs(5);
-        let mut line =
-            Conversation::open(&address, 0, ANY, patience).unwrap_or_else(|error| panic!("{error}"));
+        let open = || {
+            let address = bead.address.parse().unwrap_or_else(|error| panic!("{error}"));
+            Conversation::open(&address, 0, ANY, Duration::from_secs(5))
+                .unwrap_or_else(|error| panic!("{error}"))
+        };
+        let mut line = open();
         let update = UpdateFile::read(&file).unwrap_or_else(|error| panic!("{error}"));
         let mut parts = 0;
         let cut = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
@@ -348,8 +336,7 @@ fn an_image_is_flashed_over_the_line_refused_and_taken_back_from_the_command_lin
 
         bead.write("new.elf", &file);
         assert_eq!(bead.type_in("flash @new.elf"), (0, String::new()));
-        let mut line =
-            Conversation::open(&address, 0, ANY, patience).unwrap_or_else(|error| panic!("{error}"));
+        let mut line = open();
         let image = line.image().unwrap_or_else(|error| panic!("{error}"));
         assert!(image.identity.git.as_str().as_bytes().starts_with(NEW));
         assert_eq!(image.stage, UpdateStage::Settled);

@@ -3,15 +3,16 @@
 use std::fs;
 use std::time::Duration;
 
-use bead_recording::strikes::assemble;
-use bead_tests::{Requests, RequestsRun, image, paper};
-use bead_wire::{FaultCause, Message, Outcome, Request, Standing};
+use bead_recording::strikes::RecordedStrike;
+use bead_testing::bodies;
+use bead_tests::{Requests, RunFrames, execute, image, paper};
+use bead_wire::{FaultCause, Health, Load, Outcome, Request, Standing};
 use object::{Object, ObjectSymbol};
 use stm32f405_qemu::{Fault, FaultKind, Poke, ResetCause, Run};
 
+use crate::store::STORE_ADDRESS;
+
 const MS: u64 = 1_000_000;
-/// Address of the settings store.
-const STORE: u32 = 0x080C_0000;
 /// Time that the supply has to be good before anything is done, ns.
 const GOOD: u64 = 20 * MS;
 
@@ -22,53 +23,16 @@ fn quiet() -> Requests {
     requests
 }
 
-/// When flash was changed, in ns since power-up.
-fn changes_of_flash(answered: &RequestsRun) -> Vec<u64> {
-    let operations = answered.outcome.flash_operations.iter();
-    operations.map(|operation| operation.at_ns).collect()
-}
-
-#[test]
-fn caches_and_prefetch_of_the_flash_are_on_while_samples_are_taken() {
-    let answered = quiet().run();
-    // The emulator notes each that is off at this clock.
-    assert_eq!(answered.outcome.unmodelled, [""; 0]);
-    assert!(answered.received.status().samples > 0);
-}
-
-#[test]
-fn the_sample_index_is_the_same_whether_or_not_software_can_start_a_scan() {
-    let run = paper(1, 0.1, Some(1));
-    for taken in [true, false] {
-        let mut machine = run.machine();
-        machine.software_scan_under_trigger = taken;
-        let outcome = machine.execute().unwrap_or_else(|error| panic!("{error}"));
-        let received = bead_tests::RunFrames::new(outcome.uart);
-        let strikes = assemble(received.frames.clone(), None);
-        assert_eq!((strikes.len(), received.faults().count()), (1, 0));
-        for (i, codes) in strikes[0].scans.iter().enumerate() {
-            // Row i is what trigger i + 1 finds.
-            let [force, _, acceleration, _] = machine.stimulus[strikes[0].said.first_index as usize + i - 1];
-            assert_eq!(
-                codes.sensitive,
-                [force, acceleration],
-                "software scans taken: {taken}"
-            );
-        }
-    }
-}
-
 /// The run of three strikes with a fault, and each strike: the index of its first scan less the row of the
 /// stimulus that this scan read, which must be the same for all.
 fn indices(fault: Fault) -> (Vec<(FaultCause, String)>, Vec<u64>) {
     let mut machine = paper(3, 0.1, Some(1)).machine();
     machine.faults.push(fault);
-    let outcome = machine.execute().unwrap_or_else(|error| panic!("{error}"));
-    let received = bead_tests::RunFrames::new(outcome.uart);
+    let received = RunFrames::new(execute(&machine).uart);
     let faults = received
-        .faults()
-        .map(|fault| (fault.cause, fault.detail.as_str().to_owned()));
-    let offset = |strike: &bead_recording::strikes::RecordedStrike| {
+        .all()
+        .map(|fault: &bead_wire::Fault| (fault.cause, fault.detail.as_str().to_owned()));
+    let offset = |strike: &RecordedStrike| {
         let first = strike.said.first_index;
         let same = |offset: &u64| {
             let rows = &machine.stimulus[(first - offset) as usize..];
@@ -82,35 +46,34 @@ fn indices(fault: Fault) -> (Vec<(FaultCause, String)>, Vec<u64>) {
             .find(same)
             .expect("the scans of a strike are rows of the stimulus")
     };
-    let strikes = assemble(received.frames.clone(), None);
-    (faults.collect(), strikes.iter().map(offset).collect())
+    (faults.collect(), received.strikes().iter().map(offset).collect())
 }
 
 /// The codes of a strike are of the trigger that its index says: row 0 is what the first trigger finds that
-/// makes a scan.
+/// makes a scan. A trigger that is missed later ends the epoch.
 #[test]
-fn a_start_that_makes_a_scan_more_or_less_is_corrected_and_told_and_every_strike_has_its_true_index() {
-    for (kind, first) in [(FaultKind::ExtraScan, 1), (FaultKind::MissedTrigger, 2)] {
-        let (faults, offsets) = indices(Fault::after_power_up(0, kind));
-        let [(FaultCause::IndexCorrected, _)] = &faults[..] else {
-            panic!("{kind:?}: {faults:?}")
-        };
-        assert_eq!(offsets, [first; 3], "{kind:?}");
-    }
-}
-
-#[test]
-fn a_trigger_that_is_missed_later_ends_the_epoch_and_the_strikes_after_it_have_their_true_index() {
-    let missed = Fault::after_first_scan(60 * MS, FaultKind::MissedTrigger);
-    let (faults, offsets) = indices(missed);
-    assert_eq!(
-        faults,
-        [(
-            FaultCause::AdcOverrun,
-            "there were more or fewer scans than triggers".to_owned()
-        )]
+fn a_scan_more_or_less_than_there_are_triggers_is_told_and_every_strike_has_its_true_index() {
+    let corrected = (
+        FaultCause::IndexCorrected,
+        "the start made more or fewer scans than there were triggers",
     );
-    assert_eq!(offsets, [1; 3]);
+    let ended = (
+        FaultCause::AdcOverrun,
+        "there were more or fewer scans than triggers",
+    );
+    for (fault, told, first) in [
+        (Fault::after_power_up(0, FaultKind::ExtraScan), corrected, 1),
+        (Fault::after_power_up(0, FaultKind::MissedTrigger), corrected, 2),
+        (
+            Fault::after_first_scan(60 * MS, FaultKind::MissedTrigger),
+            ended,
+            1,
+        ),
+    ] {
+        let (faults, offsets) = indices(fault);
+        assert_eq!(faults, [(told.0, told.1.to_owned())], "{fault:?}");
+        assert_eq!(offsets, [first; 3], "{fault:?}");
+    }
 }
 
 /// Longest stretch without interrupts, in cycles: 10 µs. The processor takes up a block, an edge or a byte
@@ -141,11 +104,7 @@ fn interrupts_are_never_masked_for_longer_than_is_said() {
     let cycles = masked.cycles.expect("they are counted");
     assert!(cycles.cached < MASKED, "{masked:?}");
     // The bead has measured it too, by the time that the emulator takes for an instruction.
-    let answer = answered.received.answered(3);
-    let loads = answer.iter().filter_map(|message| match message {
-        Message::Load(load) => Some(load.masked_cycles),
-        _ => None,
-    });
+    let loads = bodies(answered.received.answered(3)).map(|load: &Load| load.masked_cycles);
     let by_bead: Vec<_> = loads.map(f64::from).collect();
     let expected = 168e6 * 8e-9 * masked.instructions as f64;
     println!("{by_bead:?} cycles by the bead, {expected} by the emulator");
@@ -160,13 +119,15 @@ fn nothing_is_erased_before_a_slow_supply_has_been_good_for_a_while() {
     const RISEN: u64 = RISE * 3030 / 3300;
     let mut requests = quiet();
     // Two sectors of what is no block: a start has to erase both.
-    requests.machine.flash.push((STORE, vec![0x5A; 256 * 1024]));
+    requests
+        .machine
+        .flash
+        .push((STORE_ADDRESS, vec![0x5A; 256 * 1024]));
     requests.machine.faults.extend(Fault::supply_ramp(0, 3300, RISE));
     requests.machine.sampling_deadline_ns = 10_000 * MS;
     let answered = requests.run();
-    let erased = changes_of_flash(&answered);
-    assert!(!erased.is_empty(), "the start erases");
-    assert!(erased[0] > RISEN + GOOD, "after {} ms", erased[0] / MS);
+    let erased_ns = answered.outcome.flash_operations[0].at_ns;
+    assert!(erased_ns > RISEN + GOOD, "after {} ms", erased_ns / MS);
     assert_eq!(answered.received.causes(), [FaultCause::SettingsRefused]);
     assert!(answered.received.status().samples > 0);
 }
@@ -175,13 +136,16 @@ fn nothing_is_erased_before_a_slow_supply_has_been_good_for_a_while() {
 fn the_clock_stands_still_while_a_sector_is_erased() {
     let mut requests = quiet();
     // One sector is full of what is no block.
-    requests.machine.flash.push((STORE, vec![0x5A; 128 * 1024]));
+    requests
+        .machine
+        .flash
+        .push((STORE_ADDRESS, vec![0x5A; 128 * 1024]));
     requests.machine.sampling_deadline_ns = 10_000 * MS;
     let answered = requests.run();
     let operations: Vec<_> = answered.outcome.flash_operations.iter().collect();
     // The other sector was blank.
     assert!(
-        matches!(operations[..], [one] if (one.address, one.erase) == (STORE, true)),
+        matches!(operations[..], [one] if (one.address, one.erase) == (STORE_ADDRESS, true)),
         "{operations:?}"
     );
     let refused = answered.received.details();
@@ -204,7 +168,7 @@ fn the_clock_stands_still_while_a_sector_is_erased() {
 fn a_supply_that_stays_low_is_told_and_flash_stays_as_it_is() {
     let mut requests = quiet();
     let content = vec![0x5A; 256 * 1024];
-    requests.machine.flash.push((STORE, content.clone()));
+    requests.machine.flash.push((STORE_ADDRESS, content.clone()));
     let low = FaultKind::Supply { millivolts: 2800 };
     requests.machine.faults.push(Fault::after_power_up(0, low));
     requests.machine.sampling_deadline_ns = 10_000 * MS;
@@ -222,7 +186,7 @@ fn a_supply_that_stays_low_is_told_and_flash_stays_as_it_is() {
         assert!(detail.contains("supply is below 2.93 V"), "{detail}");
     }
     assert!(answered.received.causes().contains(&FaultCause::SupplyLow));
-    assert_eq!(answered.received.health().standing, Standing::SUPPLY_LOW);
+    assert_eq!(answered.received.last::<Health>().standing, Standing::SUPPLY_LOW);
     assert!(
         answered.received.status().uptime_ms < 5000,
         "the wait is before the clock starts"
@@ -236,11 +200,12 @@ fn with_each_crystal_that_boards_have_a_strike_is_measured_alike() {
         let mut machine = strike.machine();
         machine.count_instructions = false;
         machine.hse_hz = mhz * 1_000_000;
-        let outcome = machine.execute().unwrap_or_else(|error| panic!("{error}"));
+        let outcome = execute(&machine);
+        // The emulator notes caches and prefetch that are off at this clock.
         assert_eq!((outcome.unmodelled, outcome.overruns), (vec![], 0), "{mhz} MHz");
-        let received = bead_tests::RunFrames::new(outcome.uart);
+        let received = RunFrames::new(outcome.uart);
         assert_eq!(received.causes(), [], "{mhz} MHz");
-        let [strike] = &assemble(received.frames, None)[..] else {
+        let [strike] = &received.strikes()[..] else {
             panic!("one strike, with {mhz} MHz")
         };
         (strike.said, strike.scans.clone())
@@ -323,7 +288,7 @@ fn without_samples(mut requests: Requests, cause: FaultCause, standing: Standing
     }
     assert_eq!(answered.received.answer(0).0, Outcome::Done);
     assert_eq!(answered.received.answer(1).0, Outcome::Done);
-    assert_eq!(answered.received.health().standing, standing);
+    assert_eq!(answered.received.last::<Health>().standing, standing);
     let status = answered.received.status();
     assert_eq!((status.samples, status.armed), (0, false));
     // It tells once a second, and the watchdog lets it.
@@ -338,11 +303,8 @@ fn a_crystal_that_stops_ends_the_boot_with_a_record_and_the_next_one_answers() {
     let answered = requests.run();
     let resets: Vec<_> = answered.outcome.resets.iter().map(|reset| reset.cause).collect();
     assert_eq!(resets, [ResetCause::Software]);
-    let faults: Vec<_> = answered
-        .received
-        .faults()
-        .map(|fault| (fault.cause, fault.boot))
-        .collect();
+    let faults = answered.received.all::<bead_wire::Fault>();
+    let faults: Vec<_> = faults.map(|fault| (fault.cause, fault.boot)).collect();
     assert_eq!(
         faults,
         [(FaultCause::CrystalFailed, 0), (FaultCause::CrystalFailed, 1)]
@@ -392,10 +354,7 @@ fn a_start_that_hangs_is_ended_by_the_watchdog() {
     // As much virtual time for an instruction as there can be: it waits for half a minute.
     requests.machine.shift = Some(10);
     requests.machine.sampling_deadline_ns = 40_000 * MS;
-    let outcome = requests
-        .machine
-        .execute()
-        .unwrap_or_else(|error| panic!("{error}"));
+    let outcome = execute(&requests.machine);
     let resets: Vec<_> = outcome
         .resets
         .iter()

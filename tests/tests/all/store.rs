@@ -11,3 +11,6 @@ pub(crate) type StoreFlash = PowerCutFlash<SECTOR>;
 
 /// Where the store lies in a [`StoreFlash`] of two sectors.
 pub(crate) const STORE_RANGE: Range<u32> = 0..2 * SECTOR as u32;
+
+/// Its address (`memory.x`).
+pub(crate) const STORE_ADDRESS: u32 = 0x080C_0000;

@@ -1,16 +1,8 @@
-//! Time: edges at the sync input to the clock, and beads whose clocks differ on one time base.
+//! Time: edges at the sync input to the clock. `chain.rs` has beads whose clocks differ on one time base.
 
-use std::path::{Path, PathBuf};
-
-use bead_bench::emulation::{Emulation, Placed};
-use bead_compare::front_end::AnalogFrontEnd;
-use bead_recording::clock::compare;
-use bead_recording::file::{About, RecordingWriter};
-use bead_recording::strikes::assemble;
-use bead_tables::whole::Target;
-use bead_tests::{RunFrames, image, paper_at, scenario, solved, timed};
-use bead_wire::{Message, Sync};
-use hertz_chain::{Scenario, Solution};
+use bead_bench::emulation::Emulation;
+use bead_tests::{RunFrames, execute, paper_at, timed};
+use bead_wire::Sync;
 
 /// Clocks of the sample timer in a second.
 const CLOCKS: f64 = 84e6;
@@ -18,11 +10,7 @@ const CLOCKS: f64 = 84e6;
 const PERIOD: u64 = 840;
 
 fn edges(received: &RunFrames) -> Vec<Sync> {
-    let edges = received.frames.iter().filter_map(|frame| match frame.message {
-        Message::Sync(sync) => Some(sync),
-        _ => None,
-    });
-    edges.collect()
+    received.all().copied().collect()
 }
 
 /// Clocks since sample index 0.
@@ -102,10 +90,8 @@ fn a_pin_that_floats_costs_no_sample_and_a_hundred_frames_a_second() {
     }
     // The strike is measured the same in every bit, and nothing was lost.
     let strikes = |received: &RunFrames| {
-        assemble(received.frames.clone(), None)
-            .iter()
-            .map(|s| s.said)
-            .collect::<Vec<_>>()
+        let strikes = received.strikes();
+        strikes.iter().map(|strike| strike.said).collect::<Vec<_>>()
     };
     assert_eq!(strikes(&quiet).len(), 1);
     assert_eq!(strikes(&quiet), strikes(&noisy));
@@ -124,124 +110,10 @@ fn the_count_goes_on_where_32_bits_of_it_end() {
     let run = quiet(50.5, &at);
     let mut machine = run.machine();
     machine.count_instructions = false;
-    let edges = edges(&RunFrames::new(machine.execute().unwrap().uart));
+    let edges = edges(&RunFrames::new(execute(&machine).uart));
     let expected: Vec<u64> = at
         .iter()
         .map(|at| (at * CLOCKS).round() as u64 + PERIOD)
         .collect();
     assert_eq!(edges.iter().map(clocks).collect::<Vec<_>>(), expected);
-}
-
-/// A run of bead `bead`, its crystal fast by `ppm`, which was started `early` seconds before time 0; strikes
-/// and edges come at the same true times for all. Recorded into `folder`.
-fn recorded(
-    folder: &Path,
-    scenario: &Scenario,
-    solution: &Solution,
-    bead: usize,
-    ppm: f64,
-    early: f64,
-) -> PathBuf {
-    let timing = timed(early + 0.1, 4, 1.0);
-    let placed = Placed {
-        clock_ppm: ppm,
-        ..Placed::alone(bead, Some(bead as u64))
-    };
-    let front_end = AnalogFrontEnd::default();
-    let mut run = Emulation::place(scenario, solution, placed, &front_end, timing, &image())
-        .unwrap_or_else(|failure| panic!("{failure}"));
-    // In step with neither clock.
-    run.sync((1..16).map(|n| early + 0.250_371_9 * f64::from(n)));
-    let ran = run.run().unwrap_or_else(|failure| panic!("{failure}"));
-    assert_eq!((ran.report.overruns, ran.report.resets), (0, 0));
-    assert_eq!(ran.report.unmodelled, [""; 0]);
-    let path = folder.join(format!("bead-{bead}.mcap"));
-    let mut writer =
-        RecordingWriter::create(&Target::new(&path), &About::default()).expect("the folder is ours");
-    let zero = 1_700_000_000_000_000_000 - (early * 1e9) as u64;
-    ran.write(&mut writer, zero).expect("the disk has room");
-    writer.finish().expect("the disk has room");
-    path
-}
-
-#[test]
-fn two_beads_with_clocks_that_differ_tell_when_one_strike_reached_each() {
-    let scenario = scenario("ten-intruders");
-    let solution = solved(&scenario);
-    let folder = tempfile::tempdir().unwrap();
-    // Beads 7 and 10, 90 ppm apart: 0.3 ms over the run, three times what the wave takes from one to the
-    // other.
-    let beads = [(7, 60.125, 0.05), (10, -29.875, 0.013)];
-    let paths =
-        beads.map(|(bead, ppm, early)| recorded(folder.path(), &scenario, &solution, bead, ppm, early));
-    let report = compare(&paths).unwrap_or_else(|failure| panic!("{failure}"));
-
-    // Against the host, whose clock is true here.
-    for (clock, (_, ppm, _)) in report.clocks.iter().zip(beads) {
-        let within = clock.drift_uncertainty_ppm.unwrap();
-        println!(
-            "{ppm} ppm: found {:?} ± {within}, residual {} s, delay {} s",
-            clock.drift_ppm, clock.residual_s, clock.delay_s
-        );
-        assert!(
-            (clock.drift_ppm.unwrap() - ppm).abs() < within.max(1e-3),
-            "{clock:?}"
-        );
-        assert!(within < 10.0, "{within}");
-    }
-
-    // Against one another, by fifteen edges.
-    let [alignment] = &report.alignments[..] else {
-        panic!("one other bead: {:?}", report.alignments)
-    };
-    println!("{alignment:?}");
-    assert_eq!(alignment.edges_in_common, 15);
-    let apart = ((1.0 - 29.875e-6) / (1.0 + 60.125e-6) - 1.0) * 1e6;
-    let within = alignment.alignment.drift_uncertainty_ppm.unwrap();
-    assert!(
-        (alignment.alignment.drift_ppm - apart).abs() < within.max(5e-3),
-        "{} for {apart}",
-        alignment.alignment.drift_ppm
-    );
-    assert!(
-        alignment.alignment.residual_max_s < 2.0 / CLOCKS,
-        "{}",
-        alignment.alignment.residual_max_s
-    );
-    // Index 0 of each is a sample period before its first triggered scan.
-    let started = |early: f64, ppm: f64| -early - 1e-5 / (1.0 + ppm * 1e-6);
-    let offset = (started(0.013, -29.875) - started(0.05, 60.125)) * (1.0 + 60.125e-6);
-    assert!(
-        (alignment.offset_s - offset).abs() < 2.0 / CLOCKS,
-        "{} for {offset}",
-        alignment.offset_s
-    );
-
-    // The chain says when the force at each bead is highest.
-    let summary = solution.summary();
-    let highest = |bead: usize| {
-        let peak = summary.peak_force.iter().find(|peak| peak.contact == bead);
-        peak.expect("the wave passes the bead").time
-    };
-    let took = highest(10) - highest(7);
-    let arrivals = |bead: usize| -> Vec<f64> {
-        let path = &paths[usize::from(bead == 10)];
-        let of = report
-            .strikes
-            .iter()
-            .filter(|strike| strike.place.recording == *path);
-        of.map(|strike| strike.arrival_s).collect()
-    };
-    let (here, there) = (arrivals(7), arrivals(10));
-    assert_eq!((here.len(), there.len()), (4, 4));
-    for (here, there) in here.iter().zip(there) {
-        let off = (there - here) / (1.0 + 60.125e-6) - took;
-        println!(
-            "{:.3} us for {:.3} us: off by {:.0} ns",
-            (there - here) * 1e6,
-            took * 1e6,
-            off * 1e9
-        );
-        assert!(off.abs() < 1e-6, "{off}");
-    }
 }

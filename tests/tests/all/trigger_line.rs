@@ -1,13 +1,11 @@
 //! The trigger line, and windows that a host asks for: beads that feel little keep what they felt.
 
 use bead_bench::emulation::{Emulation, Placed, Ran};
-use bead_bench::error::BenchError;
 use bead_bench::several::{self, Crystals};
-use bead_compare::front_end::AnalogFrontEnd;
 use bead_compare::replay::replay;
-use bead_recording::strikes::{RecordedStrike, assemble};
+use bead_recording::strikes::RecordedStrike;
 use bead_testing::block;
-use bead_tests::{RunFrames, image, paper, scenario, solved, timed};
+use bead_tests::{RunFrames, paper, place, scenario, solved, timed};
 use bead_wire::{FaultCause, StrikeFlags};
 
 /// No force rises by so many codes in this row.
@@ -23,7 +21,7 @@ fn deafen(emulation: &mut Emulation) {
 }
 
 fn strikes(ran: &Ran) -> Vec<RecordedStrike> {
-    assemble(RunFrames::new(ran.stream.clone()).frames, None)
+    RunFrames::new(ran.stream.clone()).strikes()
 }
 
 #[test]
@@ -31,13 +29,12 @@ fn a_bead_below_its_threshold_keeps_the_window_around_the_strike_of_another() {
     let scenario = scenario("ten-intruders");
     let solution = solved(&scenario);
     let timing = timed(0.07, 2, 0.05);
-    let prepare = |placed: Placed| -> Result<Emulation, BenchError> {
-        let (front_end, image) = (AnalogFrontEnd::default(), image());
-        let mut run = Emulation::place(&scenario, &solution, placed, &front_end, timing, &image)?;
+    let prepare = |placed: Placed| {
+        let mut run = place(&scenario, &solution, placed, timing);
         if placed.bead == 16 {
             deafen(&mut run);
         }
-        Ok(run)
+        run
     };
     let placed = several::placed(
         &[7, 8, 16],
@@ -47,7 +44,8 @@ fn a_bead_below_its_threshold_keeps_the_window_around_the_strike_of_another() {
         true,
     );
     let placed = placed.unwrap_or_else(|failure| panic!("{failure}"));
-    let ran = several::run(&placed, prepare, |_| {}).unwrap_or_else(|failure| panic!("{failure}"));
+    let ran = several::run(&placed, |placed| Ok(prepare(placed)), |_| {})
+        .unwrap_or_else(|failure| panic!("{failure}"));
 
     let [near, middle, far] = [0, 1, 2].map(|n| strikes(&ran[n].1));
     assert_eq!([near.len(), middle.len(), far.len()], [2; 3]);
@@ -85,7 +83,7 @@ fn a_bead_below_its_threshold_keeps_the_window_around_the_strike_of_another() {
     // The beads in front ran once, with no line: what they find by themselves goes first.
     assert!(ran[1].0.truth.line_low.is_empty() && !ran[2].0.truth.line_low.is_empty());
     // With the line they say the same.
-    let mut again = prepare(placed[1]).unwrap_or_else(|failure| panic!("{failure}"));
+    let mut again = prepare(placed[1]);
     again.truth.line_low = ran[0]
         .1
         .pulls_ns

@@ -10,13 +10,13 @@ use bead_tests::{Requests, RequestsRun, image, paper};
 use bead_update::file::{UpdateFile, sign};
 use bead_update::layout::{FLASH, Layout};
 use bead_update::manifest::{DEVELOPMENT_SEED, MANIFEST, Manifest, hash};
-use bead_wire::{MAX_PIECE, Message, Outcome, Piece, Request, UpdateStage};
+use bead_wire::{MAX_PIECE, Message, Outcome, Piece, Request, Status, UpdateStage};
 use object::read::elf::{ElfFile32, ProgramHeader};
 use rayon::prelude::*;
 use stm32f405_qemu::{Fault, FaultKind, ResetCause};
 use tempfile::TempDir;
 
-use crate::store::{STORE_RANGE, StoreFlash};
+use crate::store::{STORE_ADDRESS, STORE_RANGE, StoreFlash};
 
 /// Commit of the new image, in the place of that of the old one.
 pub(crate) const NEW: &[u8] = b"a-new-image!";
@@ -123,14 +123,7 @@ fn an_image_that_comes_over_the_line_is_tried_and_stays() {
         panic!("it resets to wait, to swap, and when the new image has passed its trial");
     };
     let took = last.at_ns as f64 * 1e-9 - 0.1;
-    let free = run
-        .received
-        .frames
-        .iter()
-        .filter_map(|frame| match frame.message {
-            Message::Status(status) => Some(status.stack_free_min),
-            _ => None,
-        });
+    let free = run.received.all::<Status>().map(|status| status.stack_free_min);
     let free = free.min().expect("a bead sends its status");
     println!("from the first request to the last reset: {took:.1} s; {free} bytes of stack were never used");
     assert!(free >= 4096, "{free}");
@@ -138,7 +131,6 @@ fn an_image_that_comes_over_the_line_is_tried_and_stays() {
 }
 
 /// Contents of the store: settings that came over the link.
-const STORE: u32 = 0x080C_0000;
 static STORED: LazyLock<Vec<u8>> = LazyLock::new(|| {
     let mut store = Store::open(StoreFlash::blank(2), STORE_RANGE).0;
     store.write(&paper(0, 0.1, None).block).expect("there is room");
@@ -172,7 +164,7 @@ fn swapped(image: &Path, cut: Option<u32>) -> RequestsRun {
     requests.machine.elf = image.to_owned();
     let Layout { state, spare, .. } = Layout::BEAD;
     requests.machine.flash.push((FLASH + state.start, vec![0xF0; 32]));
-    requests.machine.flash.push((STORE, STORED.to_vec()));
+    requests.machine.flash.push((STORE_ADDRESS, STORED.to_vec()));
     requests
         .machine
         .flash

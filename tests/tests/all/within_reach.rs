@@ -2,10 +2,9 @@
 //! `any_settings.rs` tries thousands on a model of it.
 
 use bead_model::Settings;
-use bead_recording::strikes::{RecordedStrike, assemble};
-use bead_testing::{any_settings, block, write};
-use bead_tests::{Requests, RequestsRun, paper, replied};
-use bead_wire::{FaultCause, Message, Outcome, Request, SettingsSource};
+use bead_testing::{any_settings, block, bodies, write};
+use bead_tests::{Requests, RequestsRun, faults_at, paper, replied};
+use bead_wire::{Fault, FaultCause, Guard, Message, Outcome, Request, SettingsSource, Status};
 use proptest::prelude::Rng;
 use proptest::test_runner::{RngAlgorithm, TestRng};
 
@@ -29,20 +28,13 @@ fn struck(seconds: f64, every: usize) -> Requests {
     requests
 }
 
-/// Faults of these kinds, s after the first scan.
-fn faults_of(faults: &[(f64, &str)]) -> Vec<stm32f405_qemu::Fault> {
-    let mut run = paper(0, 0.1, Some(1));
-    let text = faults
-        .iter()
-        .map(|(at, kind)| format!("[[fault]]\nat = {at}\nkind = \"{kind}\"\n"));
-    run.faults = bead_bench::faults::parse(&text.collect::<String>(), "faults")
-        .unwrap_or_else(|failure| panic!("{failure}"));
-    run.machine().faults
-}
-
 fn answered_within(answered: &RequestsRun, request: u16, asked: f64, seconds: f64) -> f64 {
-    let replied = replied(&answered.outcome, request)
-        .unwrap_or_else(|| panic!("request {request} has no reply: {:?}", answered.received.guard()));
+    let replied = replied(&answered.outcome, request).unwrap_or_else(|| {
+        panic!(
+            "request {request} has no reply: {:?}",
+            answered.received.last::<Guard>()
+        )
+    });
     let took = replied - asked;
     assert!(took < seconds, "request {request} was answered after {took} s");
     took
@@ -105,26 +97,6 @@ fn settings_in_which_noise_triggers_without_end_leave_a_bead_that_answers_and_ta
     assert_eq!(answered.outcome.resets.len(), 1);
 }
 
-#[test]
-fn a_chain_struck_every_12_ms_leaves_a_bead_that_answers_and_measures_whole_strikes() {
-    let mut requests = struck(1.0, 1210);
-    let disarm = requests.request(0.6, &Request::Disarm);
-    requests.request(0.9, &Request::Status);
-    let answered = requests.run();
-    let took = answered_within(&answered, disarm, 0.6, 0.2);
-    let (status, guard) = (answered.received.status(), answered.received.guard());
-    println!(
-        "answered after {took:.3} s; {} strikes, {guard:?}",
-        status.strikes
-    );
-    let strikes = assemble(answered.received.frames.clone(), None);
-    assert!(strikes.len() > 30, "{}", strikes.len());
-    let is_whole = |strike: &RecordedStrike| strike.scans.len() == usize::from(strike.said.samples);
-    assert!(strikes.iter().all(is_whole));
-    assert_eq!(status.frames_dropped_queue_full, 0);
-    assert!(!status.armed);
-}
-
 /// Sixteen settings in one run, each written over the one before, while the chain is struck and the noise
 /// triggers; after each the bead is told to look for no strikes.
 #[test]
@@ -166,7 +138,9 @@ fn five_boots_that_fail_within_a_second_bring_the_built_in_settings_and_a_reboot
     let mut requests = struck(3.6, 0);
     // The boot that runs for a second and a half is none of those that fail at once.
     let faults = [0.05, 0.15, 0.25, 0.35, 1.9, 2.0, 2.1, 2.2, 2.3];
-    requests.machine.faults = faults_of(&faults.map(|at| (at, "hard_fault")));
+    let mut run = paper(0, 0.1, Some(1));
+    run.faults = faults_at(&faults.map(|at| (at, "hard_fault")));
+    requests.machine.faults = run.machine().faults;
     let [proven, rescued] = [1.5, 2.7].map(|at| requests.request(at, &Request::Status));
     let reboot = requests.request(2.9, &Request::Reboot);
     requests.request(3.3, &Request::Status);
@@ -175,19 +149,14 @@ fn five_boots_that_fail_within_a_second_bring_the_built_in_settings_and_a_reboot
     let source = |request| {
         let messages = answered.received.answered(request);
         // Frames of boots that lasted longer come before.
-        let status = messages.iter().rev().find_map(|message| match message {
-            Message::Status(status) => Some((status.settings_source, status.armed)),
-            _ => None,
-        });
-        status.unwrap_or_else(|| panic!("no status: {messages:?}"))
+        let status: &Status = bodies(messages).last().expect("a status");
+        (status.settings_source, status.armed)
     };
     assert_eq!(source(proven), (SettingsSource::Flash, true));
     // It looks for no strikes unasked.
     assert_eq!(source(rescued), (SettingsSource::Rescue, false));
-    let refused = answered
-        .received
-        .faults()
-        .filter(|fault| fault.cause == FaultCause::SettingsRefused);
+    let refused = answered.received.all::<Fault>();
+    let refused = refused.filter(|fault| fault.cause == FaultCause::SettingsRefused);
     let refused: Vec<_> = refused.map(|fault| fault.detail.as_str()).collect();
     assert!(
         matches!(refused[..], [why] if why.starts_with("five boots in a row failed")),

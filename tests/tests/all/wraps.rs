@@ -10,8 +10,8 @@ use std::fs;
 use bead_bench::emulation::Emulation;
 use bead_compare::replay::replay;
 use bead_recording::strikes::{RecordedStrike, assemble};
-use bead_tests::{RunFrames, paper_at, timed};
-use bead_wire::{FaultCause, StrikeFlags};
+use bead_tests::{RunFrames, execute, paper_at, timed};
+use bead_wire::{FaultCause, Status, StrikeFlags};
 use object::{Object, ObjectSymbol};
 use stm32f405_qemu::{Outcome, Poke};
 
@@ -55,7 +55,7 @@ fn written(
             address: address + offset,
             bytes: value.to_le_bytes().to_vec(),
         }];
-        let outcome = machine.execute().unwrap_or_else(|error| panic!("{error}"));
+        let outcome = execute(&machine);
         let received = RunFrames::new(outcome.uart.clone());
         if outcome.resets.is_empty() && shows(&received) {
             println!("{parts:?}: the word at {offset}");
@@ -91,7 +91,7 @@ fn the_time_passes_2_to_the_32_ticks_and_nothing_is_missed() {
         "{:?}",
         received.status()
     );
-    assert_eq!(received.faults().count(), 0);
+    assert_eq!(received.causes(), []);
     assert_eq!(
         (
             received.status().overruns,
@@ -101,11 +101,7 @@ fn the_time_passes_2_to_the_32_ticks_and_nothing_is_missed() {
         (0, 0, 0)
     );
     // A status at boot and each second.
-    let told = received
-        .frames
-        .iter()
-        .filter(|frame| matches!(frame.message, bead_wire::Message::Status(_)));
-    assert!((2..=3).contains(&told.count()));
+    assert!((2..=3).contains(&received.all::<Status>().count()));
     assert_measured(&emulation, &assemble(received.frames, Some(emulation.settings)));
 }
 
