@@ -16,6 +16,15 @@ pub struct Oscillator {
 }
 
 impl Oscillator {
+    /// A mass in kg on a spring of a stiffness in N/m, with a damper in N·s/m.
+    pub const fn new(mass: f64, stiffness: f64, damping: f64) -> Self {
+        Self {
+            mass,
+            stiffness,
+            damping,
+        }
+    }
+
     /// h = (k + iωc) / (k + iωc - mω²), eq. (A1): motion of the mass over that of its host, frequency in Hz.
     pub fn transmissibility(&self, frequency: f64) -> Complex64 {
         let omega = TAU * frequency;

@@ -59,11 +59,7 @@ pub fn fit_response(points: &[(f64, f64)], mass: f64) -> Result<OscillatorFit, F
     // Logarithms keep both positive.
     let found = least_squares(points.len(), guess, |parameters, i| {
         let (frequency, measured) = points[i];
-        let oscillator = Oscillator {
-            mass,
-            stiffness: parameters[0].exp(),
-            damping: parameters[1].exp(),
-        };
+        let oscillator = Oscillator::new(mass, parameters[0].exp(), parameters[1].exp());
         let omega = TAU * frequency;
         let inertia = mass * omega * omega;
         let h = oscillator.transmissibility(frequency);

@@ -27,32 +27,13 @@ pub struct Validity {
     pub softer: f64,
 }
 
-/// A strong material of its kind, in place of the strength that a scenario does not state.
-struct StrongMaterial {
-    /// Young's moduli of its kind are below this, Pa.
-    below: f64,
-    name: &'static str,
-    /// Yield stress in simple tension or compression, Pa.
-    strength: f64,
-}
-
-/// Materials by their moduli. Many of the same modulus are weaker: soft steel has a sixth of this strength.
-const STRONG: [StrongMaterial; 3] = [
-    StrongMaterial {
-        below: 20e9,
-        name: "Bakelite",
-        strength: 200e6,
-    },
-    StrongMaterial {
-        below: 150e9,
-        name: "hard brass",
-        strength: 350e6,
-    },
-    StrongMaterial {
-        below: f64::INFINITY,
-        name: "hardened bearing steel",
-        strength: 2e9,
-    },
+/// A strong material of each kind, in place of the strength that a scenario does not state: Young's moduli of
+/// its kind are below this, Pa; its name; its yield stress in simple tension or compression, Pa. Many of the
+/// same modulus are weaker: soft steel has a sixth of this strength.
+const STRONG: [(f64, &str, f64); 3] = [
+    (20e9, "Bakelite", 200e6),
+    (150e9, "hard brass", 350e6),
+    (f64::INFINITY, "hardened bearing steel", 2e9),
 ];
 /// p₀ at which yield begins, over the strength in simple tension (Johnson, section 6.1, of von Mises and of
 /// Tresca alike).
@@ -107,14 +88,14 @@ impl Validity {
     pub fn remarks(&self) -> Vec<String> {
         let mut remarks = Vec::new();
         let contact = self.contact;
-        let material = STRONG.iter().find(|material| self.softer < material.below);
-        if let Some(material) = material.filter(|material| self.pressure > YIELDS * material.strength) {
+        let material = STRONG.into_iter().find(|(below, ..)| self.softer < *below);
+        if let Some((_, name, strength)) = material.filter(|(.., strength)| self.pressure > YIELDS * strength)
+        {
             remarks.push(format!(
-                "contact {contact} is pressed with {:.0} MPa: {} yields from {:.0} MPa on ({YIELDS} times its strength), and \
+                "contact {contact} is pressed with {:.0} MPa: {name} yields from {:.0} MPa on ({YIELDS} times its strength), and \
                  elastic contact no longer holds",
                 1e-6 * self.pressure,
-                material.name,
-                1e-6 * YIELDS * material.strength,
+                1e-6 * YIELDS * strength,
             ));
         }
         if self.radius_ratio > LARGE {

@@ -20,16 +20,10 @@ const MOST_BODIES: usize = 2000;
 fn check(scenario: &Scenario) -> Result<(), InputError> {
     scenario.check()?;
     let chain = &scenario.chain;
-    let hosted: usize = scenario
-        .intruders
-        .iter()
-        .map(|intruder| intruder.beads.len())
-        .sum();
+    let hosted: usize = scenario.intruders.iter().map(|one| one.beads.len()).sum();
     if chain.beads + hosted > MOST_BODIES {
-        let what = format!(
-            "{} beads and {hosted} intruders have too many multipliers",
-            chain.beads
-        );
+        let beads = chain.beads;
+        let what = format!("{beads} beads and {hosted} intruders have too many multipliers");
         let advice = format!("give at most {MOST_BODIES} of both together");
         return Err(InputError::at("chain.beads", what, advice));
     }
@@ -40,11 +34,8 @@ fn check(scenario: &Scenario) -> Result<(), InputError> {
     let pushed = scenario.drive.as_ref().map(|drive| drive.quantity) == Some(DriveQuantity::Force);
     if pushed && scenario.wall.is_none() {
         let what = "a chain that nothing holds in its place drifts, and its motion does not repeat";
-        return Err(InputError::at(
-            "wall",
-            what,
-            "give it a wall, or drive a displacement",
-        ));
+        let advice = "give it a wall, or drive a displacement";
+        return Err(InputError::at("wall", what, advice));
     }
     if chain.precompression == 0.0 && chain.gravity == 0.0 && scenario.starts.is_empty() {
         let what = "beads that just touch do not answer to a small push, so no motion is found from rest";
@@ -86,14 +77,9 @@ impl PeriodMap {
         }
         check(&scenario)?;
         let chain = DrivenChain::of(&scenario)?;
-        let mut map = Self {
-            chain,
-            period: 1.0 / frequency,
-            sizes: DVector::zeros(0),
-        };
-        map.sizes = map
-            .chain
-            .sizes(map.chain.model.displacement_size(), TAU * frequency);
+        let sizes = chain.sizes(chain.model.displacement_size(), TAU * frequency);
+        let period = 1.0 / frequency;
+        let map = Self { chain, period, sizes };
         Ok((map, scenario))
     }
 

@@ -22,12 +22,8 @@ pub(crate) enum ValueRange {
     Positive(&'static str),
     /// Zero or above: the whole advice.
     NotNegative(&'static str),
-    /// A velocity of either sign.
-    Velocity,
-    /// A length of either sign.
-    Displacement,
-    /// A cubic stiffness of either sign.
-    CubicStiffness,
+    /// Any number: the end of the sentence "value is" for one that is none, and the unit with both signs.
+    AnySign(&'static str, &'static str),
     Poisson,
 }
 
@@ -45,22 +41,9 @@ impl ValueRange {
                 "not zero or a positive number",
                 format!("give {advice}"),
             ),
-            Self::Velocity => (
-                value.is_finite(),
-                "no velocity",
-                "give a number in m/s, below zero for a bead that flies towards the striker".to_owned(),
-            ),
-            Self::Displacement => (
-                value.is_finite(),
-                "no displacement",
-                "give a number in m, below zero towards the striker".to_owned(),
-            ),
-            Self::CubicStiffness => (
-                value.is_finite(),
-                "no cubic stiffness",
-                "give a number in N/m³, above zero for a spring that hardens, below for one that softens"
-                    .to_owned(),
-            ),
+            Self::AnySign(complement, unit) => {
+                (value.is_finite(), complement, format!("give a number in {unit}"))
+            }
             Self::Poisson => (
                 value > -1.0 && value <= 0.5,
                 "no Poisson's ratio",
@@ -70,12 +53,21 @@ impl ValueRange {
     }
 }
 
-use ValueRange::{CubicStiffness, Displacement, NotNegative, Poisson, Positive, Velocity};
+use ValueRange::{AnySign, NotNegative, Poisson, Positive};
 
 const RELAXATION: ValueRange = NotNegative("a time in s, such as 4.2e-6, or 0 for an elastic contact");
 const GRAVITY: ValueRange =
     NotNegative("an acceleration in m/s², such as 9.81, or leave it out for a horizontal chain");
 const GAP: ValueRange = NotNegative("a length in m, such as 1e-6, or 0 for bodies that touch");
+const VELOCITY: ValueRange = AnySign(
+    "no velocity",
+    "m/s, below zero for a bead that flies towards the striker",
+);
+const DISPLACEMENT: ValueRange = AnySign("no displacement", "m, below zero towards the striker");
+const CUBIC_STIFFNESS: ValueRange = AnySign(
+    "no cubic stiffness",
+    "N/m³, above zero for a spring that hardens, below for one that softens",
+);
 const DAMPING: ValueRange = NotNegative("zero or more in N·s/m, such as 12.0");
 const LOAD: ValueRange =
     NotNegative("a force in N, such as 10.0, or leave it out for a chain that just touches");
@@ -135,7 +127,7 @@ impl Intruder {
         at.check("mass", self.mass, Positive("kg, such as 3.7e-3"))?;
         at.check("stiffness", self.stiffness, Positive("N/m, such as 3.95e5"))?;
         at.check("damping", self.damping, DAMPING)?;
-        at.check("cubic_stiffness", self.cubic_stiffness, CubicStiffness)
+        at.check("cubic_stiffness", self.cubic_stiffness, CUBIC_STIFFNESS)
     }
 }
 
@@ -226,22 +218,18 @@ impl Scenario {
             let at = TableCheck::of(format!("start[{}].", index + 1));
             let other = ("is already in start", "put each bead in one start only");
             at.check_beads(&start.beads, (index, &mut owners), other)?;
-            at.check("velocity", start.velocity, Velocity)?;
+            at.check("velocity", start.velocity, VELOCITY)?;
             at.check("gap", start.gap, GAP)?;
-            at.check("displacement", start.displacement, Displacement)?;
-            at.check("intruder_displacement", start.intruder_displacement, Displacement)?;
-            at.check("intruder_velocity", start.intruder_velocity, Velocity)?;
+            at.check("displacement", start.displacement, DISPLACEMENT)?;
+            at.check("intruder_displacement", start.intruder_displacement, DISPLACEMENT)?;
+            at.check("intruder_velocity", start.intruder_velocity, VELOCITY)?;
             // The contact of a striker carries no load.
-            let is_loaded = start.beads.iter().any(|&bead| bead > 1 || self.loads_striker());
-            if is_loaded {
+            if start.beads.iter().any(|&bead| bead > 1 || self.loads_striker()) {
                 self.check_gap(&at, start.gap)?;
             }
             let moves_intruder = start.intruder_displacement != 0.0 || start.intruder_velocity != 0.0;
-            if let Some(bead) = start
-                .beads
-                .iter()
-                .find(|bead| moves_intruder && !hosts.contains_key(bead))
-            {
+            let mut beads = start.beads.iter();
+            if let Some(bead) = beads.find(|bead| moves_intruder && !hosts.contains_key(bead)) {
                 let what = format!("bead {bead} has no intruder that could begin so");
                 return Err(at.error("beads", what, "name hosts only, or add the intruder"));
             }
@@ -264,16 +252,11 @@ impl Scenario {
     }
 
     fn check_drive(&self, drive: &Drive) -> Result<(), InputError> {
-        if self.striker.velocity != 0.0 {
-            let what = format!(
-                "a body that a drive moves cannot strike at {} m/s",
-                self.striker.velocity
-            );
-            return Err(InputError::at(
-                "striker.velocity",
-                what,
-                "give 0.0, or leave out the drive",
-            ));
+        let velocity = self.striker.velocity;
+        if velocity != 0.0 {
+            let what = format!("a body that a drive moves cannot strike at {velocity} m/s");
+            let advice = "give 0.0, or leave out the drive";
+            return Err(InputError::at("striker.velocity", what, advice));
         }
         drive.check(self.duration)
     }
@@ -293,7 +276,7 @@ impl Scenario {
     /// Refuses a vertical chain that nothing carries.
     fn check_gravity(&self, at: &TableCheck) -> Result<(), InputError> {
         if self.chain.gravity > 0.0 && self.wall.is_none() {
-            let what = "a vertical chain without a wall below falls".to_owned();
+            let what = "a vertical chain without a wall below falls";
             return Err(at.error("gravity", what, "add [wall], or leave gravity out"));
         }
         Ok(())
@@ -301,13 +284,8 @@ impl Scenario {
 
     /// Returns `true` if a bead holds several intruders.
     pub fn holds_several(&self) -> bool {
-        let mut beads: Vec<usize> = self
-            .intruders
-            .iter()
-            .flat_map(|one| one.beads.iter().copied())
-            .collect();
-        beads.sort_unstable();
-        beads.windows(2).any(|pair| pair[0] == pair[1])
+        let beads: usize = self.intruders.iter().map(|one| one.beads.len()).sum();
+        self.hosts().len() < beads
     }
 
     fn check_intruders(&self) -> Result<(), InputError> {
@@ -324,8 +302,7 @@ impl Scenario {
             intruder.check(&at)?;
             self.check_inside(&at, index)?;
             if intruder.cubic_stiffness != 0.0 && self.chain.gravity > 0.0 {
-                let what =
-                    "a spring that is not linear is another one when a weight hangs from it".to_owned();
+                let what = "a spring that is not linear is another one when a weight hangs from it";
                 let advice = "leave out cubic_stiffness or chain.gravity";
                 return Err(at.error("cubic_stiffness", what, advice));
             }
@@ -395,7 +372,7 @@ impl TableCheck {
         Self(prefix.into())
     }
 
-    pub(super) fn error(&self, key: &str, what: String, advice: impl Into<String>) -> InputError {
+    pub(super) fn error(&self, key: &str, what: impl Into<String>, advice: impl Into<String>) -> InputError {
         InputError::at(format!("{}{key}", self.0), what, advice)
     }
 
@@ -442,7 +419,7 @@ impl TableCheck {
     fn need_beads(&self, beads: &[usize], count: usize) -> Result<(), InputError> {
         if beads.is_empty() {
             let advice = format!("name at least one from 1 to {count}, or leave the table out");
-            return Err(self.error("beads", "names no bead".to_owned(), advice));
+            return Err(self.error("beads", "names no bead", advice));
         }
         Ok(())
     }

@@ -1,6 +1,7 @@
 //! Ranges of the values of a drive and of a contact's law.
 
-use super::check::{TableCheck, ValueRange};
+use super::check::TableCheck;
+use super::check::ValueRange::{NotNegative, Positive};
 use super::contact::{ContactLaw, Damping};
 use super::drive::{Drive, DriveQuantity};
 use super::read::InputError;
@@ -14,59 +15,41 @@ impl Drive {
             DriveQuantity::Force => ("a number in N, such as 0.1", "N"),
         };
         if !self.amplitude.is_finite() {
-            return Err(at.error(
-                "amplitude",
-                format!("{} is no amplitude", self.amplitude),
-                format!("give {unit}"),
-            ));
+            let what = format!("{} is no amplitude", self.amplitude);
+            return Err(at.error("amplitude", what, format!("give {unit}")));
         }
         if let Some(file) = &self.file {
             let what = format!("{file} has not been read");
             let advice = "read the scenario with its file's name, or give the record as drive.samples";
             return Err(at.error("file", what, advice));
         }
-        at.check(
-            "frequency",
-            self.frequency,
-            ValueRange::Positive("Hz, such as 1500.0"),
-        )?;
+        at.check("frequency", self.frequency, Positive("Hz, such as 1500.0"))?;
         at.check(
             "frequency_end",
             self.frequency_end,
-            ValueRange::Positive("Hz, such as 3000.0"),
+            Positive("Hz, such as 3000.0"),
         )?;
-        at.check("sweep", self.sweep, ValueRange::Positive("s, such as 0.1"))?;
-        at.check(
-            "ramp",
-            self.ramp,
-            ValueRange::NotNegative("a time in s, such as 2e-3, or leave it out"),
-        )?;
+        at.check("sweep", self.sweep, Positive("s, such as 0.1"))?;
+        let ramp = NotNegative("a time in s, such as 2e-3, or leave it out");
+        at.check("ramp", self.ramp, ramp)?;
         if self.frequency_end.is_some() != self.sweep.is_some() {
-            let advice = "give both for a chirp, none for a sine";
-            return Err(at.error(
-                "sweep",
-                "frequency_end and sweep belong together".to_owned(),
-                advice,
-            ));
+            let what = "frequency_end and sweep belong together";
+            return Err(at.error("sweep", what, "give both for a chirp, none for a sine"));
         }
         match (self.frequency.is_some(), self.samples.is_empty()) {
             (true, true) => {}
             (false, false) => self.check_samples(&at, duration, value)?,
             (true, false) => {
-                let what = "a drive is a sine or a record".to_owned();
+                let what = "a drive is a sine or a record";
                 return Err(at.error("frequency", what, "leave out the frequency or the record"));
             }
             (false, true) => {
-                let what = "the drive has no signal".to_owned();
-                return Err(at.error(
-                    "frequency",
-                    what,
-                    "give drive.frequency, drive.file or drive.samples",
-                ));
+                let advice = "give drive.frequency, drive.file or drive.samples";
+                return Err(at.error("frequency", "the drive has no signal", advice));
             }
         }
         if self.frequency.is_none() && (self.frequency_end.is_some() || self.ramp != 0.0) {
-            let what = "a record has neither sweep nor ramp".to_owned();
+            let what = "a record has neither sweep nor ramp";
             return Err(at.error("ramp", what, "leave out frequency_end, sweep and ramp"));
         }
         Ok(())
@@ -111,43 +94,32 @@ impl ContactLaw {
             let what = format!("{} is no exponent of a contact", self.exponent);
             return Err(at.error("exponent", what, "give a number from 1 to 8, such as 1.5"));
         }
-        at.check("stiffness", self.stiffness, ValueRange::Positive("N/m^exponent"))?;
+        at.check("stiffness", self.stiffness, Positive("N/m^exponent"))?;
         if self.stiffness.is_none() && self.exponent != 1.5 {
-            let what = "materials give a stiffness for the exponent 1.5 only".to_owned();
-            return Err(at.error(
-                "stiffness",
-                what,
-                "give the stiffness of a contact in N/m^exponent",
-            ));
+            let what = "materials give a stiffness for the exponent 1.5 only";
+            let advice = "give the stiffness of a contact in N/m^exponent";
+            return Err(at.error("stiffness", what, advice));
         }
-        at.check(
-            "coefficient",
-            self.coefficient,
-            ValueRange::NotNegative("zero or more"),
-        )?;
+        at.check("coefficient", self.coefficient, NotNegative("zero or more"))?;
         let power = self.damping == Damping::Power;
         let in_range = self.damping_exponent.is_none_or(|p| (0.0..=8.0).contains(&p));
         if power != self.damping_exponent.is_some() || !in_range {
-            let what = "it belongs to damping = \"power\", and is a number from 0 to 8".to_owned();
+            let what = "it belongs to damping = \"power\", and is a number from 0 to 8";
             return Err(at.error("damping_exponent", what, "give both, or neither"));
         }
         if self.damping == Damping::Viscoelastic && self.coefficient != 0.0 {
-            let what = "viscoelastic damping has the relaxation times of the materials".to_owned();
+            let what = "viscoelastic damping has the relaxation times of the materials";
             return Err(at.error("coefficient", what, "leave it out, or give another damping"));
         }
         if !(0.0..1.0).contains(&self.friction) {
             let what = format!("{} is no coefficient of friction", self.friction);
             return Err(at.error("friction", what, "give a number from 0 on, below 1, such as 0.03"));
         }
-        at.check(
-            "friction_speed",
-            self.friction_speed,
-            ValueRange::Positive("m/s, such as 1e-3"),
-        )?;
+        let range = Positive("m/s, such as 1e-3");
+        at.check("friction_speed", self.friction_speed, range)?;
         if !self.is_usual() && is_clipped {
             let what = "only Hertz' contacts with a damping of the exponent 1/2, without friction, can be \
-                        clipped"
-                .to_owned();
+                        clipped";
             return Err(InputError::at("chain.contact_force", what, "leave it out"));
         }
         Ok(())

@@ -121,19 +121,13 @@ impl Drive {
         let folder = Path::new(scenario).parent().unwrap_or(Path::new(""));
         let path = folder.join(file);
         let text = read_text(&path, "a file of two columns, time and value").map_err(|error| {
-            InputError::at(
-                "drive.file",
-                format!("{}: {}", path.display(), error.what),
-                error.advice,
-            )
+            let what = format!("{}: {}", path.display(), error.what);
+            InputError::at("drive.file", what, error.advice)
         })?;
         self.samples = samples(&text).map_err(|line| {
             let what = format!("{}:{line}: not a time and a value", path.display());
-            InputError::at(
-                "drive.file",
-                what,
-                "give two numbers with a comma between them, such as 1e-5,0.25",
-            )
+            let advice = "give two numbers with a comma between them, such as 1e-5,0.25";
+            InputError::at("drive.file", what, advice)
         })?;
         self.file = None;
         Ok(())

@@ -13,11 +13,7 @@ impl Material {
 
 impl Oscillator {
     /// The paper's intruder, of 1644 Hz. The paper prints a stiffness of 3.95 N/m, a slip of five decades.
-    pub const PAPER: Self = Self {
-        mass: 3.7e-3,
-        stiffness: 3.95e5,
-        damping: 12.0,
-    };
+    pub const PAPER: Self = Self::new(3.7e-3, 3.95e5, 12.0);
 }
 
 impl Chain {

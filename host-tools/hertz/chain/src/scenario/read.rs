@@ -91,16 +91,12 @@ pub fn read_text(path: &Path, wanted: &str) -> Result<String, InputError> {
         ..InputError::at("", what, format!("name {wanted}"))
     };
     let mut bytes = Vec::new();
-    let is_stdin = path == Path::new("-");
-    let stdin = || -> Box<dyn Read> { Box::new(io::stdin().lock()) };
-    let input = if is_stdin {
-        Ok(stdin())
+    let read = if path == Path::new("-") {
+        io::stdin().lock().take(LONGEST + 1).read_to_end(&mut bytes)
     } else {
-        File::open(path).map(|file| Box::new(file) as _)
+        File::open(path).and_then(|file| file.take(LONGEST + 1).read_to_end(&mut bytes))
     };
-    input
-        .and_then(|input| input.take(LONGEST + 1).read_to_end(&mut bytes))
-        .map_err(|error| wrong(format!("cannot be read ({error})")))?;
+    read.map_err(|error| wrong(format!("cannot be read ({error})")))?;
     if bytes.len() as u64 > LONGEST {
         return Err(wrong("has more than 16 MiB".to_owned()));
     }

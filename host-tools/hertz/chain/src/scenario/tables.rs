@@ -380,11 +380,7 @@ impl Intruder {
 
     /// The mass on its spring and damper, without its hosts, as it moves at small strokes.
     pub fn oscillator(&self) -> Oscillator {
-        Oscillator {
-            mass: self.mass,
-            stiffness: self.stiffness,
-            damping: self.damping,
-        }
+        Oscillator::new(self.mass, self.stiffness, self.damping)
     }
 }
 
