@@ -10,7 +10,7 @@ use crate::scenario::{InputError, TableCheck, TomlFile, ValueRange, read_text};
 
 /// Greatest loss factor of a search: a damper a thousand times as stiff as its spring holds the intruder
 /// fast.
-pub(super) const LOSS_FACTOR_MOST: f64 = 1e3;
+const LOSS_FACTOR_MOST: f64 = 1e3;
 
 /// A spring that can be bought, or an intruder that is sold as a whole.
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize, schemars::JsonSchema)]
@@ -113,6 +113,16 @@ impl Catalogue {
     }
 }
 
+/// Refuses a loss factor of a spring or of a search that is out of range.
+pub(super) fn check_loss_factor(key: &str, factor: Option<f64>) -> Result<(), InputError> {
+    let Some(factor) = factor.filter(|factor| !(*factor > 0.0 && *factor <= LOSS_FACTOR_MOST)) else {
+        return Ok(());
+    };
+    let what = format!("{factor} is no loss factor c/√(k m)");
+    let advice = format!("give a number above 0, at most {LOSS_FACTOR_MOST}, such as 0.1");
+    Err(InputError::at(key, what, advice))
+}
+
 fn check(springs: &[CatalogueSpring]) -> Result<(), InputError> {
     if springs.is_empty() {
         let advice = "add a [[spring]] with name and stiffness";
@@ -136,13 +146,7 @@ fn check(springs: &[CatalogueSpring]) -> Result<(), InputError> {
             at.check(key, value, ValueRange::Positive(unit))?;
         }
         let key = format!("spring[{number}].loss_factor");
-        if let Some(factor) = spring.loss_factor
-            && !(factor > 0.0 && factor <= LOSS_FACTOR_MOST)
-        {
-            let what = format!("{factor} is no loss factor c/√(k m)");
-            let advice = format!("give a number above 0, at most {LOSS_FACTOR_MOST}, such as 0.1");
-            return Err(InputError::at(key, what, advice));
-        }
+        check_loss_factor(&key, spring.loss_factor)?;
         if spring.loss_factor.is_some() && spring.damping.is_some() {
             let what = "a spring has a damping or a loss factor";
             return Err(InputError::at(key, what, "leave one of them out"));

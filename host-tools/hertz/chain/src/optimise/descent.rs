@@ -4,7 +4,7 @@ use std::cell::RefCell;
 
 use slsqp::{FailStatus, StopTols, SuccessStatus};
 
-use super::bounds::{Bounds, excess, overreaches};
+use super::bounds::{Bounds, overreaches};
 use super::design::Design;
 use super::objective::Objective;
 use super::problem::{DesignValues, Problem, TriedDesign};
@@ -322,12 +322,7 @@ impl Descent<'_> {
         };
         let (here, beside) = self.try_at(x, beside)?;
         let problem = self.problem;
-        let found = TriedDesign {
-            design: self.variables.design(x),
-            value: problem.search.value(&here.shares),
-            excess: excess(&here.strokes, self.bounds),
-            settled: false,
-        };
+        let found = problem.judged(self.variables.design(x), &here, self.bounds);
         // A fresh start may be slightly too heavy, where its masses were raised to the least.
         if found.is_better_than(&self.best) && self.variables.overweight(x, None) <= 1e-9 {
             problem.note(found.value, found.excess);

@@ -6,7 +6,7 @@ use serde::Serialize;
 use super::design::{BeadRadius, Design, with_radii};
 use super::error::OptimiseError;
 use super::objective::Objective;
-use super::problem::{Problem, SearchObserver, TriedDesign};
+use super::problem::{GAINED, Problem, SearchObserver, TriedDesign};
 use super::remaining::{Remaining, struck_at};
 use super::search::Search;
 use super::spread::{Deviation, Spread, deviating};
@@ -107,8 +107,6 @@ impl Optimum {
 
 /// Descents in vain after which a search ends.
 const IN_VAIN: usize = 6;
-/// Least gain of a useful descent, in the share.
-const GAINED: f64 = 1e-6;
 
 /// Finds the intruders with the least value of the search's objective. The scenario's own are left out.
 /// `watch` hears how far the search has come and may stop it. The same input gives the same result, on any
@@ -243,13 +241,6 @@ fn keeps_limits(search: &Search, optimum: &Optimum, strokes: &[f64]) -> bool {
     })
 }
 
-/// Replaces the best design by a better one.
-fn take(best: &mut TriedDesign, found: TriedDesign) {
-    if found.is_better_than(best) {
-        *best = found;
-    }
-}
-
 /// The end of a search.
 struct Found {
     best: TriedDesign,
@@ -272,7 +263,7 @@ impl Problem<'_> {
             // A descent whose evaluations were spent had no chance.
             let settled = found.settled;
             let gained = found.excess < best.excess || found.value < best.value - GAINED;
-            take(best, found);
+            best.take(found);
             if !settled {
                 break;
             }
@@ -289,21 +280,19 @@ impl Problem<'_> {
         let most = self.left() / if search.alike { 1 } else { 8 };
         let mut best = coarse[0].clone();
         for start in coarse {
-            take(&mut best, self.descend(start, &bounds, most, f64::INFINITY)?);
+            best.take(self.descend(start, &bounds, most, f64::INFINITY)?);
         }
         let share_alike = best.value;
         if let Some(first) = first {
             let (first, most) = (TriedDesign::untried(first), self.left() / 4);
-            let found = self.descend(first, &bounds, most, f64::INFINITY)?;
-            take(&mut best, found);
+            best.take(self.descend(first, &bounds, most, f64::INFINITY)?);
         }
         if !alone {
             // A third of what is left is for fresh starts.
             let starts = self.starts(&best);
             for (index, start) in starts.iter().enumerate() {
                 let most = self.left() * 2 / 3 / (starts.len() - index);
-                let found = self.descend(start.clone(), &bounds, most, best.rival())?;
-                take(&mut best, found);
+                best.take(self.descend(start.clone(), &bounds, most, best.rival())?);
             }
         }
         let in_vain = self.try_elsewhere(&mut best)?;

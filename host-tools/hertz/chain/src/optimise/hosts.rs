@@ -34,9 +34,6 @@ struct Hosted {
     best: TriedDesign,
 }
 
-/// Least gain of a useful move, in the share.
-const GAINED: f64 = 1e-6;
-
 impl Problem<'_> {
     /// Chooses `most` of the hosts.
     pub(super) fn choose_hosts(&self, most: usize) -> Result<ChosenHosts, OptimiseError> {
@@ -86,17 +83,11 @@ impl Problem<'_> {
         let mut starts = self.coarse()?;
         let mut best = starts.swap_remove(0);
         for start in std::iter::once(best.clone()).chain(starts) {
-            let found = self.descend(start, &bounds, self.left() / 8, f64::INFINITY)?;
-            if found.is_better_than(&best) {
-                best = found;
-            }
+            best.take(self.descend(start, &bounds, self.left() / 8, f64::INFINITY)?);
         }
         if !self.search.alike && self.hosts.len() > 1 {
             let start = self.starts(&best).swap_remove(0);
-            let found = self.descend(start, &bounds, self.left() / 4, f64::INFINITY)?;
-            if found.is_better_than(&best) {
-                best = found;
-            }
+            best.take(self.descend(start, &bounds, self.left() / 4, f64::INFINITY)?);
         }
         Ok(Hosted {
             hosts: self.hosts.clone(),
@@ -165,10 +156,7 @@ impl Problem<'_> {
             let found = self.in_hosts(&hosts, |problem| {
                 problem.descend(start, &[problem.bounds], problem.left(), now.best.rival())
             })?;
-            let best = &now.best;
-            if found.excess < best.excess
-                || (found.excess == best.excess && found.value < best.value - GAINED)
-            {
+            if found.gains_on(&now.best) {
                 return Ok(Some(Hosted { hosts, best: found }));
             }
         }
@@ -182,8 +170,8 @@ impl Problem<'_> {
     ) -> Result<Vec<(Vec<usize>, TriedDesign)>, SimulateError> {
         let mut ranked = Vec::new();
         for (hosts, design) in designs {
-            let tried = self.in_hosts(&hosts, |problem| problem.tried(design))?;
-            ranked.extend(tried.map(|design| (hosts, design)));
+            let tried = self.in_hosts(&hosts, |problem| problem.tried(vec![design]))?;
+            ranked.extend(tried.into_iter().map(|design| (hosts.clone(), design)));
         }
         ranked.sort_by(|(_, one), (_, other)| {
             let excess = one.excess.total_cmp(&other.excess);

@@ -12,6 +12,7 @@ use super::remaining::{Remaining, remaining, struck_at};
 use super::search::{COARSE, Search};
 use super::spread::deviating;
 use crate::ensemble::{EnsembleOptions, Prefixes, ensemble_on};
+use crate::oscillator::Oscillator;
 use crate::scenario::{Intruder, Scenario};
 use crate::simulate::{Accuracy, SimulateError};
 
@@ -65,9 +66,28 @@ impl TriedDesign {
 
     /// Compares two designs: limits on strokes go before the objective.
     pub(super) fn is_better_than(&self, other: &Self) -> bool {
-        self.excess < other.excess || (self.excess == other.excess && self.value < other.value)
+        self.betters(other, 0.0)
+    }
+
+    /// Returns true if an exchange of springs or hosts from `other` to this design is useful.
+    pub(super) fn gains_on(&self, other: &Self) -> bool {
+        self.betters(other, GAINED)
+    }
+
+    fn betters(&self, other: &Self, least: f64) -> bool {
+        self.excess < other.excess || (self.excess == other.excess && self.value < other.value - least)
+    }
+
+    /// Replaces this design by a better one.
+    pub(super) fn take(&mut self, found: Self) {
+        if found.is_better_than(self) {
+            *self = found;
+        }
     }
 }
+
+/// Least useful gain, in the share.
+pub(super) const GAINED: f64 = 1e-6;
 
 /// Values of a design, corner of the spread by corner, and for each at every speed.
 #[derive(Debug, Clone, PartialEq)]
@@ -171,13 +191,8 @@ impl Problem<'_> {
 
     /// Returns the intruders of a design, all alike if it has one entry.
     pub(super) fn intruders(&self, design: &Design) -> Vec<Intruder> {
-        let intruder = |(&bead, &[mass, stiffness, damping]): (&usize, &Properties)| Intruder {
-            beads: vec![bead],
-            mass,
-            stiffness,
-            damping,
-            cubic_stiffness: 0.0,
-            inside: None,
+        let intruder = |(&bead, &[mass, stiffness, damping]): (&usize, &Properties)| {
+            Intruder::new([bead], Oscillator::new(mass, stiffness, damping))
         };
         let hosts = self.hosts.iter().zip(design.intruders.iter().cycle());
         hosts.map(intruder).collect()
@@ -268,17 +283,22 @@ impl Problem<'_> {
             .set(self.sofar.get().evaluations + self.search.evaluations);
     }
 
-    /// Tries one design; `None` if the search was stopped.
-    pub(super) fn tried(&self, design: Design) -> Result<Option<TriedDesign>, SimulateError> {
-        let strokes = self.bounds.stroke.is_finite();
-        let values = self.try_designs(std::slice::from_ref(&design), strokes)?;
-        let bounds = [self.bounds];
-        Ok(values.first().map(|values| TriedDesign {
+    /// Tries designs within the bounds of every intruder; those left out came after a request to stop.
+    pub(super) fn tried(&self, designs: Vec<Design>) -> Result<Vec<TriedDesign>, SimulateError> {
+        let values = self.try_designs(&designs, self.bounds.stroke.is_finite())?;
+        let tried = values.iter().zip(designs);
+        let tried = tried.map(|(values, design)| self.judged(design, values, &[self.bounds]));
+        Ok(tried.collect())
+    }
+
+    /// Returns a design with these values; `bounds` has an entry for each host, or one for all.
+    pub(super) fn judged(&self, design: Design, values: &DesignValues, bounds: &[Bounds]) -> TriedDesign {
+        TriedDesign {
             design,
             value: self.search.value(&values.shares),
-            excess: excess(&values.strokes, &bounds),
+            excess: excess(&values.strokes, bounds),
             settled: false,
-        }))
+        }
     }
 
     /// Reports the progress of the search, and notes a request to stop.
@@ -321,16 +341,7 @@ impl Problem<'_> {
                 radii: search.own_radii(&self.bare),
             }
         };
-        let designs: Vec<_> = (0..masses * stiffnesses * dampings).map(point).collect();
-        let bounds = [self.bounds];
-        let tried = self.try_designs(&designs, self.bounds.stroke.is_finite())?;
-        let tried = tried.iter().zip(designs).map(|(values, design)| TriedDesign {
-            design,
-            value: search.value(&values.shares),
-            excess: excess(&values.strokes, &bounds),
-            settled: false,
-        });
-        let tried: Vec<TriedDesign> = tried.collect();
+        let tried = self.tried((0..masses * stiffnesses * dampings).map(point).collect())?;
         let least = |of: fn(&TriedDesign) -> (f64, f64)| {
             let compare = |a: &&TriedDesign, b: &&TriedDesign| {
                 let (a, b) = (of(a), of(b));

@@ -90,12 +90,9 @@ pub(super) fn needs_strike(scenario: &Scenario) -> Result<(), InputError> {
     if scenario.drive.is_none() {
         return Ok(());
     }
+    let what = "a driven chain has no strike whose energy remains";
     let advice = "leave the drive out and give the striker a velocity";
-    Err(InputError::at(
-        "drive",
-        "a driven chain has no strike whose energy remains",
-        advice,
-    ))
+    Err(InputError::at("drive", what, advice))
 }
 
 /// The energy that a strike has injected by its end, J, if there is any: shares are parts of it.

@@ -3,13 +3,14 @@
 use serde::Serialize;
 
 use super::bounds::Bounds;
-use super::catalogue::{Catalogue, CatalogueSpring, LOSS_FACTOR_MOST};
+use super::catalogue::{Catalogue, CatalogueSpring, check_loss_factor};
 use super::design::{BeadRadius, Sizes, with_radii};
 use super::error::OptimiseError;
 use super::objective::Objective;
 use super::remaining::{needs_strike, struck_at};
 use super::spread::Spread;
 use crate::model::Model;
+use crate::oscillator::Oscillator;
 use crate::run::Run;
 use crate::scenario::{InputError, Intruder, Scenario, TableCheck, ValueRange};
 use crate::simulate::{Accuracy, SimulateError};
@@ -221,14 +222,8 @@ impl Search {
         ] {
             for speed in self.strikes(scenario) {
                 let mut struck = struck_at(&self.smallest(scenario), speed);
-                struck.intruders = vec![Intruder {
-                    beads: self.hosts.clone(),
-                    mass,
-                    stiffness,
-                    damping,
-                    cubic_stiffness: 0.0,
-                    inside: None,
-                }];
+                let oscillator = Oscillator::new(mass, stiffness, damping);
+                struck.intruders = vec![Intruder::new(self.hosts.clone(), oscillator)];
                 let Accuracy { longest_step, .. } = Accuracy::DRAFT;
                 let run = Run::new(&struck, Accuracy::DRAFT);
                 let checked = run.and_then(|run| run.check(struck.duration, longest_step));
@@ -251,13 +246,7 @@ impl Search {
         check_hosts(scenario, &self.hosts, self.total_mass)?;
         self.objective.check(scenario)?;
         self.spread.check()?;
-        if let Some(factor) = self.loss_factor
-            && !(factor > 0.0 && factor <= LOSS_FACTOR_MOST)
-        {
-            let what = format!("{factor} is no loss factor c/√(k m)");
-            let advice = format!("give a number above 0, at most {LOSS_FACTOR_MOST}, such as 0.1");
-            return Err(InputError::at("loss_factor", what, advice));
-        }
+        check_loss_factor("loss_factor", self.loss_factor)?;
         for (key, [low, high], unit) in [
             ("mass", self.mass, "kg, such as 0.0037"),
             ("stiffness", self.stiffness, "N/m, such as 3.95e5"),
@@ -293,12 +282,11 @@ impl Search {
             return Err(InputError::at("mass", what, "let the least mass be less"));
         }
         if self.hosts_at_most == Some(0) {
-            let advice = "give a number from 1 on, or leave it out";
-            return Err(InputError::at(
-                "hosts_at_most",
+            let (what, advice) = (
                 "0 hosts hold no intruder",
-                advice,
-            ));
+                "give a number from 1 on, or leave it out",
+            );
+            return Err(InputError::at("hosts_at_most", what, advice));
         }
         if let Some(stroke) = self.stroke {
             TableCheck::of("").check("stroke", stroke, ValueRange::Positive("m, such as 2e-5"))?;
@@ -332,11 +320,8 @@ impl Sizes {
         }
         if low >= high {
             let what = format!("{low} to {high} m is no range to search");
-            return Err(InputError::at(
-                "sizes",
-                what,
-                "give two radii in m, the lesser first",
-            ));
+            let advice = "give two radii in m, the lesser first";
+            return Err(InputError::at("sizes", what, advice));
         }
         Ok(())
     }

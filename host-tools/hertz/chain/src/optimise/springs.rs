@@ -49,8 +49,6 @@ type Choice = Vec<usize>;
 
 /// Farthest spring, in the order of stiffness, for which one host's is exchanged.
 const FARTHEST: isize = 2;
-/// Least gain of a useful exchange, in the share.
-const GAINED: f64 = 1e-6;
 
 impl Problem<'_> {
     /// Chooses springs, beginning at the optimum with free stiffnesses.
@@ -81,9 +79,7 @@ impl Problem<'_> {
                 }
                 let start = if best.value.is_finite() { &best } else { free };
                 let found = self.with_springs(springs, &other, start)?;
-                if found.excess < best.excess
-                    || (found.excess == best.excess && found.value < best.value - GAINED)
-                {
+                if found.gains_on(&best) {
                     (best, choice) = (found, other);
                     continue 'exchanges;
                 }
