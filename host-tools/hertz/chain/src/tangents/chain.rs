@@ -15,7 +15,7 @@
 use super::dual::Dual;
 use super::parameter::{Parameter, Seeds};
 use crate::model::{Model, compliance};
-use crate::scenario::{ContactForce, InputError, Material, Scenario, Section, Sphere};
+use crate::scenario::{ContactForce, InputError, Scenario, Section, Sphere};
 
 /// Contact between two bodies, or the last one and the wall.
 #[derive(Debug, Clone, Copy)]
@@ -24,20 +24,6 @@ pub(super) struct DualContact<const P: usize> {
     pub(super) relaxation: Dual<P>,
     pub(super) rest: Dual<P>,
     pub(super) load: f64,
-}
-
-impl<const P: usize> DualContact<P> {
-    /// Hertz' part of the force beyond the static load, N, at a change of the overlap, m.
-    #[inline(always)]
-    fn elastic(&self, change: Dual<P>) -> Dual<P> {
-        let overlap = change + self.rest;
-        if overlap.value <= 0.0 {
-            return Dual::constant(-self.load);
-        }
-        let mut force = self.stiffness * overlap * overlap.sqrt();
-        force.value -= self.load;
-        force
-    }
 }
 
 /// A mass on a spring and damper in a body.
@@ -94,29 +80,18 @@ impl<const P: usize> Materials<'_, P> {
         last.is_some_and(|section| of(section).is_some())
     }
 
-    /// θ of a bead, 1/Pa, and the part of it that goes with the chain's modulus.
-    fn theta(&self, bead: usize) -> (f64, f64) {
-        let Material { young, poisson, .. } = self.spheres[bead - 1].material;
-        let theta = compliance(young, poisson);
-        let is_own = self.owns(bead, |section| section.young);
-        (theta, if is_own { 0.0 } else { theta })
-    }
-
-    /// 1 for a bead that has the chain's relaxation time, else 0.
-    fn relaxes(&self, bead: usize) -> f64 {
-        f64::from(u8::from(!self.owns(bead, |section| section.relaxation)))
-    }
-
     /// Compliance and relaxation time of the bodies before and after contact j (from 1).
     fn sides(&self, j: usize) -> [ContactSide; 2] {
         let Scenario { striker, wall, .. } = self.scenario;
         let bead = |bead: usize| {
-            let (theta, theta_of_chain) = self.theta(bead);
+            let sphere = &self.spheres[bead - 1];
+            let theta = compliance(sphere.material.young, sphere.material.poisson);
+            let of_chain = |of: fn(&Section) -> Option<f64>| f64::from(u8::from(!self.owns(bead, of)));
             ContactSide {
                 theta,
-                theta_of_chain,
-                relaxation: self.spheres[bead - 1].relaxation,
-                relaxes: self.relaxes(bead),
+                theta_of_chain: theta * of_chain(|section| section.young),
+                relaxation: sphere.relaxation,
+                relaxes: of_chain(|section| section.relaxation),
             }
         };
         // A striker or wall without a relaxation time has that of the bead that it touches.
@@ -211,11 +186,9 @@ impl<const P: usize> DualChain<P> {
         parameters: &[Parameter],
     ) -> Result<Self, InputError> {
         if scenario.chain.contact_force == ContactForce::Clipped {
-            return Err(InputError::at(
-                "chain.contact_force",
-                "clipped forces have no tangents",
-                "leave it out: contacts may then pull a little while they open",
-            ));
+            let what = "clipped forces have no tangents";
+            let advice = "leave it out: contacts may then pull a little while they open";
+            return Err(InputError::at("chain.contact_force", what, advice));
         }
         if scenario.holds_several() {
             let what = "beads that hold several intruders have no tangents";
@@ -237,12 +210,14 @@ impl<const P: usize> DualChain<P> {
                     // Its motion depends on nothing.
                     return Dual::default();
                 }
-                let mass = Dual::constant(model.mass(body));
-                if body > 0 && !materials.owns(body, |section| section.density) {
-                    seeds.relative(Parameter::Density, mass, scenario.chain.density)
-                } else {
-                    mass
+                let mut mass = Dual::constant(model.mass(body));
+                if body > 0
+                    && !materials.owns(body, |section| section.density)
+                    && let Some(direction) = seeds.direction(Parameter::Density)
+                {
+                    mass.by[direction] = mass.value / scenario.chain.density;
                 }
+                mass
             })
             .collect();
         let rate = scenario.chain.drag_time.map(f64::recip);
@@ -299,12 +274,24 @@ impl<const P: usize> DualChain<P> {
         self.shells.len()
     }
 
+    /// Change of the overlap of contact j (from 1) since rest, m.
+    #[inline(always)]
+    fn change(&self, places: &[Dual<P>], j: usize) -> Dual<P> {
+        let near = places[j - 1];
+        if j < self.bodies() { near - places[j] } else { near }
+    }
+
     /// Hertz' part of the force of contact j (from 1) beyond its load, N.
     #[inline(always)]
     pub(super) fn force(&self, places: &[Dual<P>], j: usize) -> Dual<P> {
-        let near = places[j - 1];
-        let change = if j < self.bodies() { near - places[j] } else { near };
-        self.contacts[j - 1].elastic(change)
+        let contact = &self.contacts[j - 1];
+        let overlap = self.change(places, j) + contact.rest;
+        if overlap.value <= 0.0 {
+            return Dual::constant(-contact.load);
+        }
+        let mut force = contact.stiffness * overlap * overlap.sqrt();
+        force.value -= contact.load;
+        force
     }
 
     /// The value of [`DualChain::force`] alone.
@@ -326,9 +313,7 @@ impl<const P: usize> DualChain<P> {
 
     /// Elastic energy of contact j (from 1), counted from rest, less the work of its load, J.
     pub(super) fn elastic_energy(&self, places: &[Dual<P>], j: usize) -> Dual<P> {
-        let near = places[j - 1];
-        let change = if j < self.bodies() { near - places[j] } else { near };
-        let contact = &self.contacts[j - 1];
+        let (contact, change) = (&self.contacts[j - 1], self.change(places, j));
         let stored = |overlap: Dual<P>| {
             if overlap.value <= 0.0 {
                 return Dual::default();
@@ -358,10 +343,8 @@ impl<const P: usize> DualChain<P> {
     /// Factor of the rate of a contact's overlap in its viscous force, N s/m.
     #[inline(always)]
     pub(super) fn viscosity(&self, places: &[Dual<P>], j: usize) -> Dual<P> {
-        let near = places[j - 1];
-        let change = if j < self.bodies() { near - places[j] } else { near };
         let contact = &self.contacts[j - 1];
-        let overlap = change + contact.rest;
+        let overlap = self.change(places, j) + contact.rest;
         if overlap.value <= 0.0 {
             return Dual::default();
         }
@@ -391,7 +374,7 @@ impl<const P: usize> DualChain<P> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scenario::Wall;
+    use crate::scenario::{Material, Wall};
 
     /// A chain with brass-like beads in it, a striker and a wall that have relaxation times of their own or
     /// not.

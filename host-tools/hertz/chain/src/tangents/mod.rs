@@ -11,7 +11,6 @@ mod dual;
 mod march;
 mod monodromy;
 mod parameter;
-mod phase;
 mod sensitivities;
 mod sensor;
 #[cfg(test)]

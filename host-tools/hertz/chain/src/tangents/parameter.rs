@@ -67,13 +67,4 @@ impl<'a, const P: usize> Seeds<'a, P> {
         }
         dual
     }
-
-    /// A number that is proportional to a parameter with this value.
-    pub(super) fn relative(&self, of: Parameter, number: Dual<P>, value: f64) -> Dual<P> {
-        let mut dual = number;
-        if let Some(direction) = self.direction(of) {
-            dual.by[direction] += number.value / value;
-        }
-        dual
-    }
 }
