@@ -81,6 +81,14 @@ pub struct Model {
     given_speed: f64,
 }
 
+/// Reduced mass at each contact of bodies of these masses, kg. At a wall it is the mass of the last bead.
+fn reduced(masses: &[f64]) -> impl Iterator<Item = f64> {
+    let pairs = masses.windows(2);
+    pairs
+        .map(|pair| pair[0] * pair[1] / (pair[0] + pair[1]))
+        .chain(masses.last().copied())
+}
+
 impl Model {
     /// Builds the model of a scenario that has been checked.
     pub(crate) fn new(scenario: &Scenario) -> Self {
@@ -97,47 +105,29 @@ impl Model {
 
         let side = |body: &Sphere| {
             let Material { young, poisson, .. } = body.material;
-            (compliance(young, poisson), 1.0 / body.radius)
+            (compliance(young, poisson), 1.0 / body.radius, body.relaxation)
         };
-        let loads = loads(scenario, &masses);
-        let mut contacts: Vec<Contact> = bodies
+        let mut sides: Vec<(f64, f64, f64)> = bodies.iter().map(side).collect();
+        sides.extend(scenario.wall.as_ref().map(|wall| {
+            let relaxation = wall.relaxation.unwrap_or(bodies[bodies.len() - 1].relaxation);
+            let curvature = wall.radius.map_or(0.0, |radius| 1.0 / radius);
+            (compliance(wall.young, wall.poisson), curvature, relaxation)
+        }));
+        let joints = sides
             .windows(2)
-            .zip(&loads)
-            .map(|(pair, &load)| {
-                let ((near, near_curvature), (far, far_curvature)) = (side(&pair[0]), side(&pair[1]));
-                let relaxation = series_relaxation((near, pair[0].relaxation), (far, pair[1].relaxation));
-                Contact::new(near + far, near_curvature + far_curvature, relaxation, load)
-            })
-            .collect();
-        if let Some(wall) = &scenario.wall {
-            let last = &bodies[bodies.len() - 1];
-            let (near, curvature) = side(last);
-            let far = compliance(wall.young, wall.poisson);
-            let own = wall.relaxation.unwrap_or(last.relaxation);
-            let relaxation = series_relaxation((near, last.relaxation), (far, own));
-            let theta = near + far;
-            let curvature = curvature + wall.radius.map_or(0.0, |radius| 1.0 / radius);
-            contacts.push(Contact::new(
-                theta,
-                curvature,
-                relaxation,
-                loads[bodies.len() - 1],
-            ));
-        }
-
-        if let Some(law) = &scenario.contact {
-            let curvature = |body: usize| bodies.get(body).map(|body| 1.0 / body.radius);
-            let round_wall = scenario.wall.as_ref().and_then(|wall| wall.radius);
-            for (near, contact) in contacts.iter_mut().enumerate() {
-                let far = curvature(near + 1).or(round_wall.map(|radius| 1.0 / radius));
-                let curvature = 1.0 / bodies[near].radius + far.unwrap_or(0.0);
-                let other = masses.get(near + 1);
-                let reduced = other.map_or(masses[near], |other| {
-                    masses[near] * other / (masses[near] + other)
-                });
-                *contact = contact.with_law(law, curvature, reduced);
-            }
-        }
+            .zip(loads(scenario, &masses))
+            .zip(reduced(&masses));
+        let contacts = joints.map(|((pair, load), reduced_mass)| {
+            let [(near, near_curvature, near_time), (far, far_curvature, far_time)] = [pair[0], pair[1]];
+            let (relaxation, curvature) = (
+                series_relaxation((near, near_time), (far, far_time)),
+                near_curvature + far_curvature,
+            );
+            let contact = Contact::new(near + far, curvature, relaxation, load);
+            let law = scenario.contact.as_ref();
+            law.map_or(contact, |law| contact.with_law(law, curvature, reduced_mass))
+        });
+        let contacts: Vec<Contact> = contacts.collect();
 
         let intruders = hosted::of(scenario);
         let mut shells = masses.clone();
@@ -289,11 +279,10 @@ impl Model {
 
     /// Kinetic energy of a body at t = 0, J. One that follows a displacement has none of its own.
     fn kinetic(&self, body: usize) -> f64 {
-        let velocity = if body == 0 && self.is_prescribed() {
-            0.0
-        } else {
-            self.starts[body].1
-        };
+        let velocity = self.starts[body].1;
+        if body == 0 {
+            return self.striker_energy_at(velocity);
+        }
         0.5 * self.masses[body] * velocity * velocity
     }
 
@@ -462,7 +451,7 @@ impl Model {
     /// time, 2.943 (5/4)^(2/5) (μ/κ)^(2/5) V^(-1/5) (eq. 9; the factor is 4 √π Γ(2/5) / (5 Γ(9/10))).
     pub(crate) fn shortest_contact(&self) -> f64 {
         let speed = self.speed_scale();
-        let contacts = self.contacts.iter().zip(self.reduced_masses());
+        let contacts = self.contacts.iter().zip(reduced(&self.masses));
         let time = |(contact, reduced): (&Contact, f64)| {
             if contact.powers.is_some() {
                 return if speed > 0.0 {
@@ -476,18 +465,9 @@ impl Model {
         contacts.map(time).fold(f64::INFINITY, f64::min)
     }
 
-    /// Reduced mass at each contact, kg. At the wall it is the mass of the bead.
-    fn reduced_masses(&self) -> impl Iterator<Item = f64> {
-        let last = self.masses.last().copied();
-        let pairs = self.masses.windows(2);
-        pairs
-            .map(|pair| pair[0] * pair[1] / (pair[0] + pair[1]))
-            .chain(last)
-    }
-
     /// The fastest rate of an intruder or of a loaded contact, 1/s: that of its spring or of its damper.
     pub(crate) fn fastest_rate(&self) -> f64 {
-        let contacts = self.contacts.iter().zip(self.reduced_masses());
+        let contacts = self.contacts.iter().zip(reduced(&self.masses));
         let loaded = contacts.map(|(contact, reduced)| {
             // A bead has a contact on either side, so the stiffness is twice that of one.
             let rate = 2.0 * contact.linear_stiffness() / reduced;

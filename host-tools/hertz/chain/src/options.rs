@@ -93,6 +93,15 @@ impl<'a> Options<'a> {
         self
     }
 
+    /// Reports the completed part of a run after this number of steps, if it is due or 1.
+    pub(crate) fn report(&self, steps: u64, part: f64) {
+        if let Some(progress) = self.progress
+            && (steps.is_multiple_of(64) || part == 1.0)
+        {
+            progress(part);
+        }
+    }
+
     /// The time to simulate, s.
     pub(crate) fn end(&self, scenario: &Scenario) -> Result<f64, InputError> {
         let end = self.duration.unwrap_or(scenario.duration);

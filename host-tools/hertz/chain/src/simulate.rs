@@ -42,14 +42,7 @@ pub fn simulate_with(scenario: &Scenario, options: &Options<'_>) -> Result<Solut
         if states.len() + log.size() > MOST_VALUES {
             return Err(SimulateError::TooLong { time, end });
         }
-        if let Some(progress) = options.progress
-            && times.len().is_multiple_of(64)
-        {
-            progress(time / end);
-        }
-    }
-    if let Some(progress) = options.progress {
-        progress(1.0);
+        options.report(run.steps(), time / end);
     }
     let solver = SolverSummary {
         steps: run.steps(),

@@ -39,15 +39,8 @@ pub fn summarise(scenario: &Scenario, options: &Options<'_>) -> Result<Summary, 
     let mut summariser = Summariser::new(&mut run);
     run.watch(end, |step| {
         summariser.observe(step);
-        if let Some(progress) = options.progress
-            && step.number().is_multiple_of(64)
-        {
-            progress(step.to() / end);
-        }
+        options.report(step.number(), step.to() / end);
     })?;
-    if let Some(progress) = options.progress {
-        progress(1.0);
-    }
     let mut summary = summariser.summary(&mut run);
     summary.solver.seconds = clock.elapsed().as_secs_f64();
     Ok(summary)
@@ -68,18 +61,19 @@ impl Maximum {
     /// negative. `of` gives the value and its rate at a time. Returns true if the maximum has grown.
     fn update(&mut self, from: f64, to: f64, mut of: impl FnMut(f64) -> [f64; 2]) -> bool {
         let before = self.value;
-        let mut take = |time: f64, value: f64| {
-            if value > self.value {
-                (self.value, self.time) = (value, time);
-            }
-        };
         let end = of(to);
-        take(to, end[0]);
+        self.take(to, end[0]);
         if of(from)[1] > 0.0 && end[1] <= 0.0 {
             let time = bisect(from, to, |t| of(t)[1] > 0.0);
-            take(time, of(time)[0]);
+            self.take(time, of(time)[0]);
         }
         self.value > before
+    }
+
+    fn take(&mut self, time: f64, value: f64) {
+        if value > self.value {
+            *self = Self { value, time };
+        }
     }
 }
 
@@ -171,16 +165,9 @@ fn energies(model: &Model, motion: StepMoment<'_>, bodies: &Range<usize>) -> [f6
     chain += contacts(model, bodies).map(elastic).sum::<f64>();
     let of_guest = |guest: usize| {
         let intruder = &model.intruders()[guest];
-        let (x, w) = motion.guest(guest);
-        let rate = |number: usize| {
-            if number == guest {
-                w
-            } else {
-                motion.guest(number).1
-            }
-        };
-        let speed = motion.body(intruder.bead).1 + model.in_host(guest, rate);
-        kinetic(intruder.oscillator.mass, speed) + intruder.elastic_energy(x)
+        let in_host = model.in_host(guest, |number| motion.guest(number).1);
+        let speed = motion.body(intruder.bead).1 + in_host;
+        kinetic(intruder.oscillator.mass, speed) + intruder.elastic_energy(motion.guest(guest).0)
     };
     [chain, guests(model, bodies).map(of_guest).sum()]
 }
@@ -312,9 +299,7 @@ impl Summariser {
         // An upper bound of the energy between the ends of the step.
         let before = self.chain_rate.abs();
         let most = self.chain_now.max(chain) + (before + rate.abs()) * (to - from);
-        if chain > self.chain.value {
-            (self.chain.value, self.chain.time) = (chain, to);
-        }
+        self.chain.take(to, chain);
         if most > self.chain.value && self.chain_rate > 0.0 && rate <= 0.0 && !moving.is_empty() {
             let mut at = |t: f64| {
                 stepper.interpolate(t);
@@ -325,9 +310,7 @@ impl Summariser {
             };
             let time = bisect(from, to, |t| at(t)[1] > 0.0);
             let value = at(time)[0];
-            if value > self.chain.value {
-                self.chain = Maximum { value, time };
-            }
+            self.chain.take(time, value);
         }
         (self.chain_now, self.chain_rate) = (chain, rate);
     }
@@ -506,17 +489,9 @@ impl ForceMaximum {
 
 impl IntruderMaxima {
     fn observe(&mut self, model: &Model, stepper: &mut Stepper, guest: usize, (from, to): (f64, f64)) {
-        let ends = stepper.guest_at_ends(guest);
-        let places = ends.map(|(x, _)| x);
-        let accelerations = [0, 1].map(|end| {
-            model.acceleration_at(guest, |number| {
-                if number == guest {
-                    ends[end]
-                } else {
-                    stepper.guest_at_ends(number)[end]
-                }
-            })
-        });
+        let places = stepper.guest_at_ends(guest).map(|(x, _)| x);
+        let at = |end: usize| model.acceleration_at(guest, |number| stepper.guest_at_ends(number)[end]);
+        let accelerations = [at(0), at(1)];
         let mut glimpse = None;
         // Of the intruders that it carries.
         let mut others = Vec::new();

@@ -84,11 +84,7 @@ pub fn sensitivities<const P: usize>(
         if to >= end {
             last = Some(Energies::of(variation.at_end()));
         }
-        if let Some(progress) = options.progress
-            && step.number().is_multiple_of(64)
-        {
-            progress(to / end);
-        }
+        options.report(step.number(), to / end);
     })?;
     let mut summary = summariser.summary(&mut run);
     summary.solver.seconds = clock.elapsed().as_secs_f64();
