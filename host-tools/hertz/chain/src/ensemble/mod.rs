@@ -103,18 +103,9 @@ pub(crate) fn ensemble_on(
     let mut grouped: Vec<(ChainShape, GroupMember<'_>)> = Vec::new();
     for (index, model) in models.iter().enumerate() {
         let Ok(model) = model else { continue };
-        let time = scenarios[index].duration;
-        if together::suits(model, time) {
-            let start = None;
-            let member = GroupMember {
-                index,
-                model,
-                time,
-                start,
-            };
-            grouped.push((ChainShape::of(model), member));
-        } else {
-            alone.push(index);
+        match GroupMember::of(index, model, scenarios[index].duration) {
+            Some(member) => grouped.push(member),
+            None => alone.push(index),
         }
     }
     prefixes.share(&mut grouped, options.peaks);
@@ -168,16 +159,7 @@ pub(crate) fn slopes_on(
     let models = scenarios.iter().map(|scenario| Model::of(scenario).ok());
     let models = models.collect::<Option<Vec<Model>>>()?;
     let members = models.iter().zip(scenarios).enumerate();
-    let members = members.map(|(index, (model, scenario))| {
-        let (time, start) = (scenario.duration, None);
-        let member = GroupMember {
-            index,
-            model,
-            time,
-            start,
-        };
-        together::suits(model, time).then(|| (ChainShape::of(model), member))
-    });
+    let members = members.map(|(index, (model, scenario))| GroupMember::of(index, model, scenario.duration));
     let mut members = members.collect::<Option<Vec<_>>>()?;
     prefixes.share(&mut members, peaks);
     let groups = members.par_chunks(eight::LANES).map(|group| {

@@ -13,17 +13,6 @@ use crate::summary::ContactPeak;
 /// Most steps of a chain in a group, where it makes others wait. The single run refuses far more.
 const MOST_STEPS: f64 = 1e6;
 
-/// Returns true if a chain can run in a group.
-pub(super) fn suits(model: &Model, duration: f64) -> bool {
-    let loaded = (1..=model.contacts()).any(|contact| model.contact_at(contact).load > 0.0);
-    let given = model.is_dragged()
-        || model.drive.is_some()
-        || model.starts_displaced()
-        || model.contact_at(1).powers.is_some();
-    let cubic = model.has_cubic_springs();
-    !loaded && !given && !cubic && !model.clipped && fewest_steps(model, duration) < MOST_STEPS
-}
-
 /// Allowed error of each step in a velocity, as a part of that of a bead in the wave. Of 10,000 random chains
 /// like the paper's, none then errs by more than 8e-7 in the energy absorbed.
 const TOLERANCE: f64 = 2.5e-7;
@@ -39,11 +28,32 @@ pub(super) struct GroupMember<'a> {
     pub(super) start: Option<Arc<SavedChain>>,
 }
 
-/// Eight chains at t = 0.
+impl<'a> GroupMember<'a> {
+    /// A chain that starts at t = 0, with its shape; `None` if it cannot run in a group.
+    pub(super) fn of(index: usize, model: &'a Model, time: f64) -> Option<(ChainShape, Self)> {
+        let loaded = (1..=model.contacts()).any(|contact| model.contact_at(contact).load > 0.0);
+        let given = model.is_dragged()
+            || model.drive.is_some()
+            || model.starts_displaced()
+            || model.contact_at(1).powers.is_some();
+        let cubic = model.has_cubic_springs();
+        let member = Self {
+            index,
+            model,
+            time,
+            start: None,
+        };
+        let suits = !loaded && !given && !cubic && !model.clipped && fewest_steps(model, time) < MOST_STEPS;
+        suits.then(|| (ChainShape::of(model), member))
+    }
+}
+
+/// Up to eight chains at their starts.
 struct Eightfold<'a> {
     constants: Constants,
     models: Vec<&'a Model>,
     start: GroupMotion,
+    saved: Vec<Option<Arc<SavedChain>>>,
     peaks: Vec<usize>,
 }
 
@@ -64,13 +74,20 @@ impl<'a> Eightfold<'a> {
             constants: Constants::new(shape, &chains, TOLERANCE),
             models: chains.iter().map(|(model, _)| *model).collect(),
             start,
+            saved: members.iter().map(|member| member.start.clone()).collect(),
             peaks: wanted,
         }
     }
 
     fn group<'b>(&'b self, shape: &'b ChainShape) -> Group<'b> {
         let (constants, start) = (&self.constants, self.start.clone());
-        Group::new(shape, constants, &self.models, start, &self.peaks)
+        let mut group = Group::new(shape, constants, &self.models, start, &self.peaks);
+        for (lane, saved) in self.saved.iter().enumerate() {
+            if let Some(saved) = saved {
+                group.start_lane(lane, saved);
+            }
+        }
+        group
     }
 }
 
@@ -102,11 +119,6 @@ pub(super) fn run(
     if strokes {
         group.find_strokes();
     }
-    for (lane, member) in members.iter().enumerate() {
-        if let Some(start) = &member.start {
-            group.start_lane(lane, start);
-        }
-    }
     let stuck = group.run();
     let outcome = |(lane, member): (usize, &&GroupMember<'_>)| {
         (!stuck[lane]).then(|| outcome(shape, member, &group, lane))
@@ -125,11 +137,6 @@ pub(super) fn run_and_back(
     let eight = Eightfold::new(shape, members, peaks);
     let mut group = eight.group(shape);
     group.kept = Some(KeptSteps::default());
-    for (lane, member) in members.iter().enumerate() {
-        if let Some(start) = &member.start {
-            group.start_lane(lane, start);
-        }
-    }
     if group.run().contains(&true) {
         return None;
     }

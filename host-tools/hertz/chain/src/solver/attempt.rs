@@ -4,7 +4,7 @@ use super::kernel::{Task, dispatch};
 use super::lanes::{Lanes, first};
 use super::method::NODES;
 use super::verner::MAIN;
-use super::work::{Motion, Work, clear, give};
+use super::work::{Motion, Work, clear, give, overlap};
 
 impl Work {
     /// Makes a step of `length` from the start, and stores its end. Returns its error; 1 is allowed.
@@ -62,8 +62,7 @@ impl Work {
     pub(super) fn first_kink(&mut self, lanes: &Lanes, length: f64) -> Option<f64> {
         // True if a contact is closed, and true if its force, here without the factor κ √δ, is above zero.
         let of = |motion: &Motion, lane: usize| {
-            let overlap = motion.u[lane - 1] - motion.u[lane] + lanes.rest[lane];
-            let approach = motion.v[lane - 1] - motion.v[lane];
+            let (overlap, approach) = overlap(lanes, motion, lane);
             (overlap > 0.0, overlap + lanes.viscosity[lane] * approach > 0.0)
         };
         let pushes = |motion: &Motion, lane: usize| of(motion, lane) == (true, true);

@@ -85,7 +85,7 @@ fn pack_guests(lanes: &Lanes, layout: StateLayout, motion: &Motion, blocks: &[us
 impl Dense {
     /// Memory for the steps of a chain; [`Dense::load`] gives it one.
     pub(crate) fn new(lanes: &Arc<Lanes>, layout: StateLayout) -> Self {
-        let mut work = Work::new(lanes, false);
+        let mut work = Work::new(lanes);
         work.keep_powers(lanes);
         Self {
             lanes: Arc::clone(lanes),
@@ -137,16 +137,7 @@ impl Dense {
             pack_guests(lanes, layout, &work.stage, &work.active_guests, out);
             let losses = layout.intruder_loss(0)..layout.intruder_loss(lanes.guests.count);
             let inside = work.lost_inside(lanes, length, x, &mut out[losses]);
-            out[layout.contact_loss()] += inside.contacts;
-            if let Some(at) = layout.wall_impulse() {
-                out[at] += inside.wall;
-            }
-            if let Some(at) = layout.ground_loss() {
-                out[at] += inside.ground;
-            }
-            if let Some(at) = layout.drive_work() {
-                out[at] += inside.drive;
-            }
+            inside.add_to(layout, out);
         }
         if let Some(slow) = &mut self.slow {
             let x = slow.part_at(t);
@@ -185,7 +176,7 @@ impl Dense {
 
 impl SlowPart {
     fn new(lanes: &Lanes, log: &StepLog, slow: &LoggedSlowStep) -> Self {
-        let mut work = Work::new(lanes, false);
+        let mut work = Work::new(lanes);
         work.keep_powers(lanes);
         work.start = slow.start.clone();
         log.restore(lanes, &slow.step, &mut work);

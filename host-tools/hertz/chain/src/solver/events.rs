@@ -11,17 +11,11 @@
 
 use super::kernel::{Task, dispatch};
 use super::lanes::{BLOCK, Lanes};
-use super::work::{Motion, Work};
+use super::work::{Work, overlap};
 use crate::bisection::bisect;
 
 /// Overlap of a contact that only touches, as a part of the scale of displacements.
 const TOUCHES: f64 = 1e-12;
-
-/// Overlap of a contact, m, and its rate, m/s.
-fn overlap(lanes: &Lanes, motion: &Motion, lane: usize) -> (f64, f64) {
-    let (u, v) = (&motion.u, &motion.v);
-    (u[lane - 1] - u[lane] + lanes.rest[lane], v[lane - 1] - v[lane])
-}
 
 fn contacts(lanes: &Lanes) -> impl Iterator<Item = usize> + use<'_> {
     (BLOCK + 1..BLOCK + lanes.bodies + 1).filter(|&lane| lanes.stiffness[lane] > 0.0)

@@ -405,17 +405,11 @@ fn push_by_powers<S: Simd<f64s = f64x8>>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::oscillator::Oscillator;
-    use crate::scenario::{Chain, Intruder, Scenario, Striker};
+    use crate::solver::testing::{hosting, plain};
 
     #[test]
     fn each_intruder_is_in_the_block_of_its_lane_and_in_that_of_its_host() {
-        let chain = Chain {
-            beads: 90,
-            ..Chain::PAPER
-        };
-        let mut scenario = Scenario::new(1e-3, chain, Striker::PAPER);
-        scenario.intruders = vec![Intruder::new((5..=60).step_by(3), Oscillator::PAPER)];
+        let scenario = hosting(plain(90, 4.2e-6, 1e-3), (5..=60).step_by(3));
         let lanes = Lanes::new(&Model::new(&scenario));
         let guests = &lanes.guests;
         assert_eq!((guests.count, guests.blocks.len()), (19, 3));

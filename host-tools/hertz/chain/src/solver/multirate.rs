@@ -190,7 +190,7 @@ impl Multirate {
     ) -> bool {
         let slow = self.slow.get_or_insert_with(|| {
             Box::new(SlowStep {
-                work: Work::new(lanes, false),
+                work: Work::new(lanes),
                 ends: [Motion::zeros(lanes), Motion::zeros(lanes)],
                 ..SlowStep::default()
             })
@@ -306,7 +306,7 @@ impl Multirate {
         let last = log.slow.last().map(|last| last.step.from);
         if last != Some(slow.from) {
             let length = slow.prepare(lanes);
-            let step = log.copy(lanes, Some(&slow.work), (slow.from, slow.to), length);
+            let step = log.copy(lanes, Some(&mut slow.work), (slow.from, slow.to), length);
             let (start, own) = (slow.work.start.clone(), slow.own.clone());
             log.slow.push(LoggedSlowStep { step, start, own });
         }

@@ -43,7 +43,7 @@ use super::lanes::{BLOCK, Lanes, first};
 use super::rest::AHEAD;
 #[cfg(doc)]
 use super::rest::FLOOR;
-use super::work::{Motion, force};
+use super::work::{Motion, force, overlap};
 
 /// Blocks of the other part that each part computes at their border.
 const SHARED: usize = 1;
@@ -84,12 +84,6 @@ pub(super) fn holds(runs: &[Range<usize>], block: usize) -> bool {
 /// Number of blocks in runs.
 pub(super) fn count(runs: &[Range<usize>]) -> usize {
     runs.iter().map(Range::len).sum()
-}
-
-/// Overlap of a contact, m, and its rate, m/s.
-fn overlap(lanes: &Lanes, motion: &Motion, lane: usize) -> (f64, f64) {
-    let (u, v) = (&motion.u, &motion.v);
-    (u[lane - 1] - u[lane] + lanes.rest[lane], v[lane - 1] - v[lane])
 }
 
 /// Lanes of the contacts of some blocks.

@@ -71,14 +71,7 @@ fn kinds() -> Vec<(&'static str, Scenario)> {
     let mut nested = with_intruders(plain(26, 0.0, 0.006), &[3, 8, 9, 20]);
     let carried = |beads: &[usize], mass: f64, carrier: usize| Intruder {
         inside: Some(carrier),
-        ..Intruder::new(
-            beads.iter().copied(),
-            Oscillator {
-                mass,
-                stiffness: 3e5,
-                damping: 4.0,
-            },
-        )
+        ..Intruder::new(beads.iter().copied(), Oscillator::new(mass, 3e5, 4.0))
     };
     nested.intruders = vec![
         Intruder::new([3, 8, 9, 20], Oscillator::PAPER),

@@ -95,7 +95,7 @@ impl StepLog {
     pub(super) fn copy(
         &mut self,
         lanes: &Lanes,
-        work: Option<&Work>,
+        work: Option<&mut Work>,
         (from, to): (f64, f64),
         length: f64,
     ) -> LoggedStep {
@@ -105,23 +105,7 @@ impl StepLog {
             self.runs.extend_from_slice(&work.active);
             self.guests.extend_from_slice(&work.active_guests);
             self.crossings.extend_from_slice(&work.crossings);
-            for at in moving(work, lanes) {
-                self.copy_block(&work.rates[block(at)]);
-            }
-            let powers = work.powers.as_deref().expect("a kept step has its powers");
-            self.values.extend_from_slice(&powers.contacts);
-            if lanes.wall.is_some() {
-                self.values.extend_from_slice(&powers.wall);
-            }
-            if lanes.drag.is_some() {
-                self.values.extend_from_slice(&powers.ground);
-            }
-            if let Some(driven) = &work.driven {
-                self.values.extend_from_slice(&driven.powers);
-            }
-            for at in &work.active_guests {
-                self.copy_block(&powers.guests[block(at - lanes.guests.blocks.start)]);
-            }
+            each_part(lanes, work, |part| self.values.extend_from_slice(part));
         }
         LoggedStep {
             from,
@@ -133,11 +117,6 @@ impl StepLog {
             guests: starts[1]..self.guests.len(),
             crossings: starts[2]..self.crossings.len(),
         }
-    }
-
-    fn copy_block(&mut self, stages: &[f64]) {
-        self.values.extend_from_slice(&stages[..BLOCK]);
-        self.values.extend_from_slice(&stages[LATE]);
     }
 
     /// Restores a step in memory that keeps powers, apart from its start.
@@ -163,33 +142,38 @@ impl StepLog {
             return;
         }
         let mut values = &self.values[step.values..];
-        let mut take = |stages: &mut [f64]| {
-            let (taken, left) = values.split_at(stages.len());
-            stages.copy_from_slice(taken);
+        each_part(lanes, work, |part| {
+            let (taken, left) = values.split_at(part.len());
+            part.copy_from_slice(taken);
             values = left;
-        };
-        let mut rates = std::mem::take(&mut work.rates);
-        for at in moving(work, lanes) {
-            let stages = &mut rates[block(at)];
-            take(&mut stages[..BLOCK]);
-            take(&mut stages[LATE]);
-        }
-        work.rates = rates;
-        let powers = work.powers.as_deref_mut().expect("this memory keeps powers");
-        take(&mut powers.contacts);
-        if lanes.wall.is_some() {
-            take(&mut powers.wall);
-        }
-        if lanes.drag.is_some() {
-            take(&mut powers.ground);
-        }
-        if let Some(driven) = &mut work.driven {
-            take(&mut driven.powers);
-        }
-        for at in &work.active_guests {
-            let stages = &mut powers.guests[block(at - lanes.guests.blocks.start)];
-            take(&mut stages[..BLOCK]);
-            take(&mut stages[LATE]);
-        }
+        });
+    }
+}
+
+/// Shows the parts of a step that a log keeps: accelerations and powers, at the stages that the dense output
+/// uses where there are many.
+fn each_part(lanes: &Lanes, work: &mut Work, mut show: impl FnMut(&mut [f64])) {
+    let mut rates = std::mem::take(&mut work.rates);
+    for at in moving(work, lanes) {
+        let stages = &mut rates[block(at)];
+        show(&mut stages[..BLOCK]);
+        show(&mut stages[LATE]);
+    }
+    work.rates = rates;
+    let powers = work.powers.as_deref_mut().expect("a kept step has its powers");
+    show(&mut powers.contacts);
+    if lanes.wall.is_some() {
+        show(&mut powers.wall);
+    }
+    if lanes.drag.is_some() {
+        show(&mut powers.ground);
+    }
+    if let Some(driven) = &mut work.driven {
+        show(&mut driven.powers);
+    }
+    for at in &work.active_guests {
+        let stages = &mut powers.guests[block(at - lanes.guests.blocks.start)];
+        show(&mut stages[..BLOCK]);
+        show(&mut stages[LATE]);
     }
 }

@@ -9,7 +9,7 @@ use super::lanes::{BLOCK, Lanes};
 use super::multirate::Multirate;
 use super::rest::RestingBlocks;
 use super::step_log::StepLog;
-use super::work::Work;
+use super::work::{Losses, Work};
 use crate::model::{Model, StateLayout};
 
 /// The present state of a run: its last step, the length of the next, and counts.
@@ -24,11 +24,9 @@ pub(crate) struct Stepper {
     work: Work,
     rest: RestingBlocks,
     multirate: Multirate,
-    contacts_lost: f64,
+    /// Losses until the start of the last step, and those of each intruder, J.
+    lost: Losses,
     guests_lost: Vec<f64>,
-    wall_impulse: f64,
-    ground_lost: f64,
-    drive_work: f64,
     /// Allowed error of each step.
     pub(crate) tolerance: f64,
     step: f64,
@@ -57,7 +55,10 @@ impl Stepper {
         tolerance: f64,
         longest: f64,
     ) -> Self {
-        let mut work = Work::new(&lanes, lanes.clipped || lanes.powers.is_some());
+        let mut work = Work::new(&lanes);
+        if lanes.clipped || lanes.powers.is_some() {
+            work.keep_inside(&lanes);
+        }
         unpack(&lanes, layout, state, &mut work.start);
         let rest = RestingBlocks::new(&lanes, &mut work, time, tolerance);
         Self {
@@ -68,11 +69,8 @@ impl Stepper {
             work,
             rest,
             multirate: Multirate::new(&lanes, tolerance),
-            contacts_lost: state[layout.contact_loss()],
+            lost: Losses::of(layout, state),
             guests_lost: state[layout.intruder_loss(0)..][..lanes.guests.count].to_vec(),
-            wall_impulse: layout.wall_impulse().map_or(0.0, |index| state[index]),
-            ground_lost: layout.ground_loss().map_or(0.0, |index| state[index]),
-            drive_work: layout.drive_work().map_or(0.0, |index| state[index]),
             lanes,
             tolerance,
             // Short, because bodies that touch may push at the first moment.
@@ -121,7 +119,7 @@ impl Stepper {
         }
         let length = self.prepare();
         let slow = self.multirate.record(&self.lanes, log);
-        let work = length.map(|_| &self.work);
+        let work = length.map(|_| &mut self.work);
         let length = length.unwrap_or(self.time - from);
         let mut step = log.copy(&self.lanes, work, (from, self.time), length);
         step.slow = slow;
@@ -191,17 +189,17 @@ impl Stepper {
             self.guests_lost.iter().enumerate().map(move |(guest, lost)| {
                 lost + work.map_or(0.0, |work| work.lost_in_guest(&self.lanes, guest))
             });
-        (self.contacts_lost + contacts + self.multirate.lost(), guests)
+        (self.lost.contacts + contacts + self.multirate.lost(), guests)
     }
 
     /// Energy that the ground has dissipated by the end of the last step, J.
     pub(crate) fn lost_on_ground(&self) -> f64 {
-        self.ground_lost + self.made.map_or(0.0, |_| self.work.ground_lost)
+        self.lost.ground + self.made.map_or(0.0, |_| self.work.ground_lost)
     }
 
     /// Work of the drive by the end of the last step, J.
     pub(crate) fn supplied(&self) -> f64 {
-        self.drive_work + self.made.map_or(0.0, |_| self.work.drive_work())
+        self.lost.drive + self.made.map_or(0.0, |_| self.work.drive_work())
     }
 
     /// Bodies whose motion the last step has computed. All others fly freely.
@@ -362,17 +360,17 @@ impl Stepper {
     /// Makes the end of the last step the start of the next, and discards its stages.
     fn settle(&mut self) {
         let Some(length) = self.made.take() else { return };
-        self.contacts_lost += self.work.lost_in_contacts(&self.lanes);
+        self.lost.contacts += self.work.lost_in_contacts(&self.lanes);
         for (guest, lost) in self.guests_lost.iter_mut().enumerate() {
             *lost += self.work.lost_in_guest(&self.lanes, guest);
         }
-        self.wall_impulse += self.work.wall_impulse;
-        self.ground_lost += self.work.ground_lost;
-        self.drive_work += self.work.drive_work();
+        self.lost.wall += self.work.wall_impulse;
+        self.lost.ground += self.work.ground_lost;
+        self.lost.drive += self.work.drive_work();
         self.work.accept(&self.lanes);
         self.work.lead(&self.lanes, self.time);
         let parts = (&mut self.rest, &mut self.work);
-        self.contacts_lost += self.multirate.follow(&self.lanes, parts, (self.time, length));
+        self.lost.contacts += self.multirate.follow(&self.lanes, parts, (self.time, length));
         if self.multirate.end().is_none() {
             self.rest
                 .after_step(&self.lanes, &mut self.work, self.time, length);
@@ -393,17 +391,11 @@ impl Stepper {
             let body = lane - BLOCK;
             (out[body], out[layout.velocity(body)]) = (now.u[lane], now.v[lane]);
         }
-        out[layout.contact_loss()] = self.contacts_lost + self.multirate.lost();
+        out[layout.contact_loss()..].fill(0.0);
         out[layout.intruder_loss(0)..][..self.guests_lost.len()].copy_from_slice(&self.guests_lost);
-        if let Some(index) = layout.wall_impulse() {
-            out[index] = self.wall_impulse;
-        }
-        if let Some(index) = layout.ground_loss() {
-            out[index] = self.ground_lost;
-        }
-        if let Some(index) = layout.drive_work() {
-            out[index] = self.drive_work;
-        }
+        let mut lost = self.lost;
+        lost.contacts += self.multirate.lost();
+        lost.add_to(layout, out);
     }
 }
 

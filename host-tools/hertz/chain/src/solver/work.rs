@@ -9,6 +9,7 @@ use super::method::{LATE_STAGES, NODES, ROWS};
 use super::overlap::Ends;
 use super::verner::{MAIN, STAGES};
 use crate::drive::EndDrive;
+use crate::model::StateLayout;
 
 /// Times of the stages, as parts of the step.
 const MAIN_NODES: [f64; MAIN] = *NODES.first_chunk().expect("the stages of a step come first");
@@ -146,15 +147,14 @@ pub(super) const fn place(lane: usize, stage: usize) -> usize {
 }
 
 impl Work {
-    /// Memory for the steps of a chain at rest. With `inside`, the motion inside a step can be computed.
-    pub(super) fn new(lanes: &Lanes, inside: bool) -> Self {
+    /// Memory for the steps of a chain at rest.
+    pub(super) fn new(lanes: &Lanes) -> Self {
         let guests = lanes.guests.blocks.len() * BLOCK;
         Self {
             start: Motion::zeros(lanes),
             end: Motion::zeros(lanes),
             stage: Motion::zeros(lanes),
             rates: CacheAligned::zeros(lanes.len() * STAGES),
-            added: inside.then(|| Box::new(Motion::zeros(lanes))),
             pulls: CacheAligned::zeros(guests),
             closed: CacheAligned::zeros(if lanes.powers.is_some() { lanes.len() } else { 0 }),
             lost: CacheAligned::zeros(lanes.len()),
@@ -253,8 +253,8 @@ impl Work {
             self.fly_beside(self.active[run].clone(), length);
             // The contact with a block at rest is open: otherwise the block would not rest.
             for lane in first(self.active[run].start) + 1..first(self.active[run].end) {
-                let overlap = |motion: &Motion| motion.u[lane - 1] - motion.u[lane] + lanes.rest[lane];
-                let crosses = (overlap(&self.start) > 0.0) != (overlap(&self.end) > 0.0);
+                let is_closed = |motion: &Motion| overlap(lanes, motion, lane).0 > 0.0;
+                let crosses = is_closed(&self.start) != is_closed(&self.end);
                 let cut = lanes.clipped && self.stays_cut_off(lanes, lane);
                 if (crosses || cut) && lanes.stiffness[lane] > 0.0 {
                     self.cross(lanes, lane, length, tolerance, cut);
@@ -276,8 +276,7 @@ impl Work {
     #[inline(always)]
     fn stays_cut_off(&self, lanes: &Lanes, lane: usize) -> bool {
         let force = |motion: &Motion| {
-            let overlap = motion.u[lane - 1] - motion.u[lane] + lanes.rest[lane];
-            let rate = motion.v[lane - 1] - motion.v[lane];
+            let (overlap, rate) = overlap(lanes, motion, lane);
             (overlap, overlap + lanes.viscosity[lane] * rate)
         };
         let ((from, start), (to, end)) = (force(&self.start), force(&self.end));
@@ -402,7 +401,7 @@ impl Work {
 
     /// Returns the losses and the wall's momentum from the start of the step to its part `x`, which is that
     /// of the last [`Work::interpolate`], and adds the energy dissipated in each intruder, J, to `guests`.
-    pub(super) fn lost_inside(&self, lanes: &Lanes, length: f64, x: f64, guests: &mut [f64]) -> PartLosses {
+    pub(super) fn lost_inside(&self, lanes: &Lanes, length: f64, x: f64, guests: &mut [f64]) -> Losses {
         let powers = self.powers.as_ref().expect("the powers were kept");
         let sum = |stride: usize, powers: &[f64]| {
             let part = |stage: usize| self.weights[stage] * powers[stage * stride];
@@ -415,7 +414,7 @@ impl Work {
                 *lost += sum(BLOCK, &powers.guests[place(seat, 0)..]);
             }
         }
-        let mut inside = PartLosses {
+        let mut inside = Losses {
             contacts: if lanes.viscous {
                 sum(1, &powers.contacts)
             } else {
@@ -439,13 +438,48 @@ impl Work {
     }
 }
 
-/// Losses since the start of the step: in contacts and on the ground, J, and to the wall, kg·m/s; and the
-/// work of the drive, J.
-pub(super) struct PartLosses {
+/// Losses over some time: in contacts and on the ground, J, and to the wall, kg·m/s; and the work of the
+/// drive, J.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Losses {
     pub(super) contacts: f64,
     pub(super) wall: f64,
     pub(super) ground: f64,
     pub(super) drive: f64,
+}
+
+impl Losses {
+    /// The losses until this state.
+    pub(super) fn of(layout: StateLayout, state: &[f64]) -> Self {
+        let at = |index: Option<usize>| index.map_or(0.0, |index| state[index]);
+        Self {
+            contacts: state[layout.contact_loss()],
+            wall: at(layout.wall_impulse()),
+            ground: at(layout.ground_loss()),
+            drive: at(layout.drive_work()),
+        }
+    }
+
+    /// Adds the losses to those in a state.
+    pub(super) fn add_to(self, layout: StateLayout, state: &mut [f64]) {
+        state[layout.contact_loss()] += self.contacts;
+        for (index, lost) in [
+            (layout.wall_impulse(), self.wall),
+            (layout.ground_loss(), self.ground),
+            (layout.drive_work(), self.drive),
+        ] {
+            if let Some(index) = index {
+                state[index] += lost;
+            }
+        }
+    }
+}
+
+/// Overlap of a contact, m, and its rate, m/s.
+#[inline(always)]
+pub(super) fn overlap(lanes: &Lanes, motion: &Motion, lane: usize) -> (f64, f64) {
+    let (u, v) = (&motion.u[..], &motion.v[..]);
+    (u[lane - 1] - u[lane] + lanes.rest[lane], v[lane - 1] - v[lane])
 }
 
 /// Moves the bodies of a contact apart, each of mass M by `shift` / M, and their velocities by `kick` / M.
@@ -477,13 +511,12 @@ pub(super) fn clear(lanes: &Lanes, motion: &mut Motion, lane: usize) {
 /// Force of a contact beyond its static load, N.
 #[inline(always)]
 pub(super) fn force(lanes: &Lanes, lane: usize, motion: &Motion) -> f64 {
-    let (u, v) = (&motion.u[..], &motion.v[..]);
-    let overlap = u[lane - 1] - u[lane] + lanes.rest[lane];
+    let (overlap, rate) = overlap(lanes, motion, lane);
     if overlap <= 0.0 {
         return -lanes.load[lane];
     }
     let stiff = lanes.stiffness[lane] * overlap.sqrt();
-    let force = stiff * (overlap + lanes.viscosity[lane] * (v[lane - 1] - v[lane]));
+    let force = stiff * (overlap + lanes.viscosity[lane] * rate);
     (if lanes.clipped { force.max(0.0) } else { force }) - lanes.load[lane]
 }
 
@@ -507,11 +540,8 @@ fn bend(lanes: &Lanes, lane: usize, motion: &Motion, driven: f64) -> Ends {
     if lane == FIRST_CONTACT && lanes.drive.is_some() {
         acceleration += driven;
     }
-    [
-        u[lane - 1] - u[lane] + lanes.rest[lane],
-        v[lane - 1] - v[lane],
-        acceleration,
-    ]
+    let (overlap, rate) = overlap(lanes, motion, lane);
+    [overlap, rate, acceleration]
 }
 
 #[cfg(test)]

@@ -3,22 +3,16 @@
 use super::*;
 use crate::model::Model;
 use crate::oscillator::Oscillator;
-use crate::scenario::{Chain, Intruder, Scenario, Striker};
+use crate::scenario::Striker;
+use crate::solver::testing::{hosting, plain};
 
 /// The bead that the tests are about: neither the first nor the last of its block.
 const LANE: usize = BLOCK + 20;
 
 /// 64 equal spheres, of which one may have an intruder; and no motion.
 fn chain(relaxation: f64, host: Option<usize>) -> (Lanes, Motion) {
-    let chain = Chain {
-        beads: 63,
-        relaxation,
-        ..Chain::PAPER
-    };
-    let striker = Striker::new(chain.radius, chain.material(), 0.45);
-    let mut scenario = Scenario::new(1e-3, chain, striker);
-    let intruder = host.map(|bead| Intruder::new([bead], Oscillator::PAPER));
-    scenario.intruders.extend(intruder);
+    let mut scenario = hosting(plain(63, relaxation, 1e-3), host);
+    scenario.striker = Striker::new(scenario.chain.radius, scenario.chain.material(), 0.45);
     let lanes = Lanes::new(&Model::new(&scenario));
     let motion = Motion::zeros(&lanes);
     (lanes, motion)

@@ -3,27 +3,21 @@
 use super::*;
 use crate::model::Model;
 use crate::oscillator::Oscillator;
-use crate::scenario::{Chain, Intruder, Material, Scenario, Section, Striker, Wall};
+use crate::scenario::{Material, Section, Wall};
+use crate::solver::testing::{hosting, plain};
 
 /// Speed that may be left out, over the scale of speeds.
 const TOLERANCE: f64 = 1e-6;
 
 /// 31 beads of the paper and a wall; some beads are lighter. All are at rest, and all blocks sleep since 1 s.
 fn asleep(light: &[usize], host: Option<usize>) -> (Lanes, Work, RestingBlocks) {
-    let chain = Chain {
-        beads: 31,
-        relaxation: 0.0,
-        ..Chain::PAPER
-    };
-    let mut scenario = Scenario::new(1e-3, chain, Striker::PAPER);
+    let mut scenario = hosting(plain(31, 0.0, 1e-3), host);
     scenario.wall = Some(Wall::flat(Material::STEEL));
-    let intruder = host.map(|bead| Intruder::new([bead], Oscillator::PAPER));
-    scenario.intruders.extend(intruder);
     let mut section = Section::of(light.to_vec());
     section.radius = Some(0.012);
     scenario.sections = vec![section];
     let lanes = Lanes::new(&Model::new(&scenario));
-    let mut work = Work::new(&lanes, false);
+    let mut work = Work::new(&lanes);
     let rest = RestingBlocks::new(&lanes, &mut work, 1.0, TOLERANCE);
     assert!(rest.awake.is_empty() && work.active.is_empty());
     (lanes, work, rest)
@@ -88,7 +82,7 @@ fn sleeping_bodies_meet_when_their_gap_is_flown_through() {
     assert_eq!(rest.meeting(&lanes, &mut work, 1, 2.0), f64::INFINITY);
     // A gap of a micrometre, and the approach of two bodies that move towards each other.
     let mut meets = |gap: f64, speeds: [f64; 2]| {
-        let mut work = Work::new(&lanes, false);
+        let mut work = Work::new(&lanes);
         for other in lane..first(4) {
             work.start.u[other] = gap;
         }
@@ -178,7 +172,7 @@ fn a_contact_that_a_step_closes_with_a_sleeping_block_is_noticed_on_either_side(
         let sign = if behind { 1.0 } else { -1.0 };
         // The gap at the start, how far the one comes closer, and how far the other flies from it.
         let closes = |gap: f64, way: f64, flight: f64| {
-            let mut work = Work::new(&lanes, false);
+            let mut work = Work::new(&lanes);
             work.start.u[sleeper] = sign * gap;
             work.start.v[sleeper] = sign * flight / h;
             work.end.u[mover] = sign * way;
@@ -194,7 +188,7 @@ fn a_contact_that_a_step_closes_with_a_sleeping_block_is_noticed_on_either_side(
         assert!(!closes(0.9 * way, 0.99 * way, 0.0) && closes(0.9 * way, 1.01 * way, 0.0));
     }
     // One that is awake is computed.
-    let mut work = Work::new(&lanes, false);
+    let mut work = Work::new(&lanes);
     (work.start.u[first(1)], work.end.u[first(1) - 1]) = (1e-6, 2e-6);
     assert!(rest.closes(&lanes, &work, 1, true, h));
     rest.asleep[1] = None;
@@ -211,7 +205,7 @@ fn a_run_reaches_a_sleeping_block_by_a_gap_that_soon_closes_or_by_what_moves_at_
         let (mover, sleeper) = beside[usize::from(behind)];
         let sign = if behind { 1.0 } else { -1.0 };
         let reaches = |gap: f64, speeds: &[(usize, f64)]| {
-            let mut work = Work::new(&lanes, false);
+            let mut work = Work::new(&lanes);
             work.start.u[sleeper] = sign * gap;
             for &(lane, speed) in speeds {
                 work.start.v[lane] = sign * speed;
@@ -242,16 +236,13 @@ fn a_run_reaches_a_sleeping_block_by_a_gap_that_soon_closes_or_by_what_moves_at_
 
 #[test]
 fn in_a_loaded_chain_a_run_reaches_a_block_by_what_moves_at_all_at_its_edge() {
-    let chain = Chain {
-        beads: 31,
-        precompression: 2.0,
-        ..Chain::PAPER
-    };
-    let lanes = Lanes::new(&Model::new(&Scenario::new(1e-3, chain, Striker::PAPER)));
-    let mut work = Work::new(&lanes, false);
+    let mut scenario = plain(31, 4.2e-6, 1e-3);
+    scenario.chain.precompression = 2.0;
+    let lanes = Lanes::new(&Model::new(&scenario));
+    let mut work = Work::new(&lanes);
     let rest = RestingBlocks::new(&lanes, &mut work, 1.0, TOLERANCE);
     let reaches = |away: usize, (u, v): (f64, f64)| {
-        let mut work = Work::new(&lanes, false);
+        let mut work = Work::new(&lanes);
         let lane = first(1) - 1 - away;
         (work.start.u[lane], work.start.v[lane]) = (u, v);
         rest.reaches(&lanes, &work, 1, true, 1e-5)

@@ -2,9 +2,8 @@
 
 use super::*;
 use crate::model::Model;
-use crate::oscillator::Oscillator;
-use crate::scenario::{Chain, ContactForce, Intruder, Material, Scenario, Striker, Wall};
-use crate::solver::testing::across;
+use crate::scenario::{ContactForce, Material, Wall};
+use crate::solver::testing::{across, hosting, plain};
 
 #[test]
 fn overlaps_their_rates_and_accelerations_are_those_of_the_model() {
@@ -13,17 +12,9 @@ fn overlaps_their_rates_and_accelerations_are_those_of_the_model() {
         (2.0, ContactForce::Clipped),
         (2.0, ContactForce::Printed),
     ] {
-        let chain = Chain {
-            beads: 20,
-            precompression,
-            contact_force,
-            ..Chain::PAPER
-        };
-        let mut scenario = Scenario::new(1e-3, chain, Striker::PAPER);
+        let mut scenario = hosting(plain(20, 4.2e-6, 1e-3), [4, 9, 10]);
+        (scenario.chain.precompression, scenario.chain.contact_force) = (precompression, contact_force);
         scenario.wall = Some(Wall::flat(Material::STEEL));
-        scenario.intruders = [4, 9, 10]
-            .map(|bead| Intruder::new([bead], Oscillator::PAPER))
-            .into();
         let model = Model::new(&scenario);
         let (lanes, layout) = (Lanes::new(&model), model.layout());
         // Contacts of every kind beside each other: open, shallow, deep, closing, opening.
@@ -64,12 +55,8 @@ fn overlaps_their_rates_and_accelerations_are_those_of_the_model() {
 
 #[test]
 fn bodies_beside_a_run_fly_on() {
-    let chain = Chain {
-        beads: 40,
-        ..Chain::PAPER
-    };
-    let lanes = Lanes::new(&Model::new(&Scenario::new(1e-3, chain, Striker::PAPER)));
-    let mut work = Work::new(&lanes, false);
+    let lanes = Lanes::new(&Model::new(&plain(40, 4.2e-6, 1e-3)));
+    let mut work = Work::new(&lanes);
     for (lane, u, v) in [(first(2) - 1, 1e-6, 0.3), (first(4), -2e-6, 0.2)] {
         (work.start.u[lane], work.start.v[lane]) = (u, v);
     }
