@@ -102,34 +102,20 @@ impl TransmissionFit {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{Intruder, Oscillator};
 
     #[test]
     fn hosts_are_counted_from_the_striker_whatever_their_order_in_the_file() {
         let mut scenario = Scenario::paper();
-        let one = scenario.intruders[0].clone();
-        scenario.intruders = [vec![12, 7], vec![9]]
-            .map(|beads| crate::Intruder { beads, ..one.clone() })
-            .to_vec();
+        let hosted = |beads: &[usize]| Intruder::new(beads.to_vec(), Oscillator::PAPER);
+        scenario.intruders = vec![hosted(&[12, 7]), hosted(&[9])];
         assert_eq!(scenario.hosts(), [7, 9, 12]);
         let first = |n| scenario.with_first_hosts(n).hosts();
         assert!(first(0).is_empty() && first(1) == [7]);
         assert_eq!((first(2), first(9)), (vec![7, 9], vec![7, 9, 12]));
         // One in the intruder of bead 9, whose table is the first that is left.
-        scenario.intruders.swap(0, 1);
-        scenario.intruders.insert(
-            0,
-            crate::Intruder {
-                beads: vec![12],
-                ..one.clone()
-            },
-        );
-        scenario.intruders[2].beads = vec![7];
-        let inner = crate::Intruder {
-            beads: vec![9],
-            inside: Some(2),
-            ..one
-        };
-        scenario.intruders.push(inner);
+        scenario.intruders = vec![hosted(&[12]), hosted(&[9]), hosted(&[7]), hosted(&[9])];
+        scenario.intruders[3].inside = Some(2);
         assert_eq!(scenario.with_first_hosts(2).intruders[2].inside, Some(1));
     }
 }

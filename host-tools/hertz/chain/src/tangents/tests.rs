@@ -1,29 +1,23 @@
 //! Motion against the solver, tangents against differences and closed forms.
 
-use std::time::Instant;
-
 use super::*;
 use crate::scenario::{Section, Wall};
 use crate::{Material, simulate};
 
 const STEP: f64 = 2.5e-6;
 const SENSORS: [Sensor; 3] = [
-    Sensor {
-        place: SensorPlace::Force(8),
-        pole: 0.0,
-        front_mass: 0.0,
-    },
-    Sensor {
-        place: SensorPlace::Acceleration(8),
-        pole: 0.0,
-        front_mass: 0.0,
-    },
-    Sensor {
-        place: SensorPlace::Force(8),
-        pole: 40e3,
-        front_mass: 0.0,
-    },
+    sensor(SensorPlace::Force(8), 0.0, 0.0),
+    sensor(SensorPlace::Acceleration(8), 0.0, 0.0),
+    sensor(SensorPlace::Force(8), 40e3, 0.0),
 ];
+
+const fn sensor(place: SensorPlace, pole: f64, front_mass: f64) -> Sensor {
+    Sensor {
+        place,
+        pole,
+        front_mass,
+    }
+}
 
 /// The paper's chain, one with every feature, and one that is loaded.
 fn scenarios() -> [Scenario; 3] {
@@ -98,11 +92,8 @@ fn moved(scenario: &Scenario, parameter: Parameter, factor: f64) -> Scenario {
 /// pole, since without one a force has no derivative where its contact closes.
 #[test]
 fn tangents_are_the_differences_of_runs_across_openings_and_closings() {
-    let sensors = [SensorPlace::Force(8), SensorPlace::Acceleration(8)].map(|place| Sensor {
-        place,
-        pole: 40e3,
-        front_mass: 1e-3,
-    });
+    let places = [SensorPlace::Force(8), SensorPlace::Acceleration(8)];
+    let sensors = places.map(|place| sensor(place, 40e3, 1e-3));
     for scenario in scenarios() {
         let span = (5e-3, 2.0 * STEP);
         let run = tangents::<8>(&scenario, &ALL, &sensors, None, span).unwrap();
@@ -112,7 +103,7 @@ fn tangents_are_the_differences_of_runs_across_openings_and_closings() {
                 let moved = moved(&scenario, parameter, 1.0 + steps * part);
                 tangents::<0>(&moved, &[], &sensors, None, span).unwrap()
             });
-            let value = moved_value(&scenario, parameter);
+            let value = parameter.value(&scenario).unwrap();
             for sensor in [0, 1] {
                 let (mut worst, mut most) = (0.0_f64, 0.0_f64);
                 for (step, tangent) in run.steps(sensor).iter().enumerate() {
@@ -130,19 +121,6 @@ fn tangents_are_the_differences_of_runs_across_openings_and_closings() {
                 );
             }
         }
-    }
-}
-
-fn moved_value(scenario: &Scenario, parameter: Parameter) -> f64 {
-    match parameter {
-        Parameter::Young => scenario.chain.young,
-        Parameter::Relaxation => scenario.chain.relaxation,
-        Parameter::Density => scenario.chain.density,
-        Parameter::StrikerVelocity => scenario.striker.velocity,
-        Parameter::Stiffness(_) => scenario.intruders[0].stiffness,
-        Parameter::Damping(_) => scenario.intruders[0].damping,
-        Parameter::IntruderMass(_) => scenario.intruders[0].mass,
-        _ => unreachable!("not a value of a scenario"),
     }
 }
 
@@ -198,45 +176,12 @@ fn a_push_by_the_force_of_a_contact_moves_the_bead_as_the_chain_did() {
 
 #[test]
 fn what_has_no_tangents_is_refused() {
-    let mut clipped = Scenario::paper();
-    clipped.chain.contact_force = crate::ContactForce::Clipped;
-    let refused = |scenario: &Scenario, sensors: &[Sensor], span| {
-        tangents::<1>(scenario, &ALL[..1], sensors, None, span)
-            .unwrap_err()
-            .to_string()
-    };
     let paper = Scenario::paper();
-    assert!(refused(&clipped, &SENSORS, (1e-3, STEP)).contains("clipped forces have no tangents"));
-    let nowhere = Sensor {
-        place: SensorPlace::Force(90),
-        ..SENSORS[0]
+    let refused = |sensors: &[Sensor], span| {
+        let found = tangents::<1>(&paper, &ALL[..1], sensors, None, span);
+        found.unwrap_err().to_string()
     };
-    assert!(refused(&paper, &[nowhere], (1e-3, STEP)).contains("no contact or bead 90"));
-    assert!(refused(&paper, &SENSORS, (1.0, 1e-9)).contains("ten million"));
-}
-
-/// Five parameters cost no more than two more runs, on a computer that does nothing else:
-/// `cargo test --release -p hertz-chain five_parameters -- --ignored --nocapture`
-#[test]
-#[ignore = "it measures time, which other programs take as well"]
-fn five_parameters_cost_at_most_three_plain_runs() {
-    let scenario = Scenario::paper();
-    let span = (8e-3, STEP);
-    let time = |run: &dyn Fn()| {
-        let of = |_| {
-            let started = Instant::now();
-            run();
-            started.elapsed()
-        };
-        (0..15).map(of).min().unwrap().as_secs_f64()
-    };
-    let plain = time(&|| drop(tangents::<0>(&scenario, &[], &SENSORS, None, span).unwrap()));
-    let five = time(&|| drop(tangents::<5>(&scenario, &ALL[..5], &SENSORS, None, span).unwrap()));
-    println!(
-        "{:.2} ms, with five {:.2} ms: {:.2}",
-        1e3 * plain,
-        1e3 * five,
-        five / plain
-    );
-    assert!(five < 3.0 * plain, "{five} s, and {plain} s");
+    let nowhere = sensor(SensorPlace::Force(90), 0.0, 0.0);
+    assert!(refused(&[nowhere], (1e-3, STEP)).contains("no contact or bead 90"));
+    assert!(refused(&SENSORS, (1.0, 1e-9)).contains("ten million"));
 }

@@ -15,12 +15,7 @@ fn decades(low: f64, high: f64) -> impl Strategy<Value = f64> {
 fn intruder(beads: usize) -> impl Strategy<Value = Intruder> {
     let (mass, stiffness, damping) = (decades(1e-4, 5e-3), decades(1e3, 1e7), decades(0.1, 100.0));
     (1..=beads, mass, stiffness, damping).prop_map(|(bead, mass, stiffness, damping)| {
-        let oscillator = Oscillator {
-            mass,
-            stiffness,
-            damping,
-        };
-        Intruder::new([bead], oscillator)
+        Intruder::new([bead], Oscillator::new(mass, stiffness, damping))
     })
 }
 

@@ -4,7 +4,7 @@
 use std::f64::consts::{PI, TAU};
 use std::fs;
 
-use crate::common::{changed, close, near, run};
+use crate::common::{changed, close, near, numbers, run, says};
 use hertz_chain::{
     Accuracy, Drive, DriveQuantity, EnsembleOptions, Intruder, Material, Model, Oscillator, Run, Scenario,
     SimulateError, Start, Wall, ensemble, summarise,
@@ -28,66 +28,32 @@ fn driven(drive: Drive) -> Scenario {
 #[test]
 fn driven_chains_move_as_an_independent_program_says() {
     use DriveQuantity::{Displacement, Force};
-    let cases = [
+    for (drive, velocities) in [
         (
             Drive::sine(Displacement, 2e-6, 1500.0),
-            [
-                -0.007779963755093013,
-                0.006702781127305414,
-                -0.003229273545880029,
-                0.000826040014459159,
-                0.0026386371697517453,
-                -0.0019863627832342723,
-                6.51161751652172e-5,
-                0.001358375443420868,
-            ],
+            "-0.007779963755093013 0.006702781127305414 -0.003229273545880029 0.000826040014459159
+             0.0026386371697517453 -0.0019863627832342723 6.51161751652172e-5 0.001358375443420868",
         ),
         (
             Drive::sine(Displacement, 2e-5, 1500.0),
-            [
-                -0.007773051277043174,
-                0.01789547842340608,
-                0.14697032774287822,
-                0.06723211577927178,
-                0.013501654495284291,
-                -8.083913337346774e-5,
-                0.00033617384441111806,
-                0.0009704219567854611,
-            ],
+            "-0.007773051277043174 0.01789547842340608 0.14697032774287822 0.06723211577927178
+             0.013501654495284291 -8.083913337346774e-5 0.00033617384441111806 0.0009704219567854611",
         ),
         (
             Drive::sine(Force, 1.0, 900.0),
-            [
-                -0.0003253473267942322,
-                0.005141244643428962,
-                0.0016675781257125624,
-                -0.006092390983388122,
-                -0.00649805586856135,
-                0.0011775006812304743,
-                0.007159649153361666,
-                0.003983212703468726,
-            ],
+            "-0.0003253473267942322 0.005141244643428962 0.0016675781257125624 -0.006092390983388122
+             -0.00649805586856135 0.0011775006812304743 0.007159649153361666 0.003983212703468726",
         ),
         (
             Drive::sine(Force, 20.0, 900.0),
-            [
-                0.0007098901137526434,
-                -0.03726814306359489,
-                -0.011263592384562343,
-                0.0031138674123965143,
-                0.006536775336173176,
-                -0.00011248357075317439,
-                0.0005621601674857074,
-                0.0017403169837539832,
-            ],
+            "0.0007098901137526434 -0.03726814306359489 -0.011263592384562343 0.0031138674123965143
+             0.006536775336173176 -0.00011248357075317439 0.0005621601674857074 0.0017403169837539832",
         ),
-    ];
-    for (drive, velocities) in cases {
+    ] {
+        let velocities = numbers(velocities);
         let solution = run(&driven(drive.clone()));
         let end = solution.at(4e-3);
-        let greatest = velocities
-            .into_iter()
-            .fold(0.0, |most: f64, v: f64| most.max(v.abs()));
+        let greatest = velocities.iter().fold(0.0, |most: f64, v| most.max(v.abs()));
         for (bead, velocity) in (1..).zip(velocities) {
             let error = (end.velocity(bead) - velocity) / greatest;
             assert!(error.abs() < 1e-9, "{drive:?}, bead {bead}: {error:e}");
@@ -128,11 +94,8 @@ fn the_energy_of_a_driven_chain_is_the_work_of_its_drive() {
         let summary = summarise(&scenario, &hertz_chain::Options::default()).expect("it runs");
         let work = summary.energy.drive_work.expect("it is driven");
         assert!(work > 0.0, "{drive:?}: a damped chain takes energy, not {work}");
-        assert!(
-            summary.energy.balance_error < 1e-11,
-            "{drive:?}: {:e}",
-            summary.energy.balance_error
-        );
+        let error = summary.energy.balance_error;
+        assert!(error < 1e-11, "{drive:?}: {error:e}");
         // Inside steps too.
         let solution = run(&scenario);
         let mut sampler = solution.sampler();
@@ -227,13 +190,8 @@ fn a_dropped_striker_meets_the_chain_at_the_speed_of_its_fall() {
 fn a_displaced_intruder_swings_as_an_oscillator_of_two_masses() {
     let mut scenario = Scenario::paper();
     scenario.chain.beads = 1;
-    scenario.intruders = vec![Intruder::new(
-        [1],
-        Oscillator {
-            damping: 0.0,
-            ..Oscillator::PAPER
-        },
-    )];
+    scenario.intruders[0].beads = vec![1];
+    scenario.intruders[0].damping = 0.0;
     scenario.starts = vec![Start::apart([1], 1.0)];
     scenario.starts[0].intruder_displacement = 1e-6;
     scenario.starts[0].intruder_velocity = 2e-3;
@@ -313,30 +271,19 @@ fn a_scenario_file_names_the_file_of_its_record() {
 
     let refused = |text: &str| {
         fs::write(&path, text).unwrap();
-        let line = Scenario::load(&path).expect_err("it is refused").to_string();
-        assert!(!line.contains('\n'));
-        line
+        Scenario::load(&path).expect_err("it is refused").to_string()
     };
+    let file = format!("{}:", path.display());
     let line = refused(&text.replace("duration = 0.004", "duration = 0.006"));
-    assert!(line.contains("driven.toml:32: "), "{line}");
-    let end = "drive.samples: the record ends at 0.005 s, the run at 0.006 s; shorten the duration, or record longer";
-    assert!(line.ends_with(end), "{line}");
+    let words = "the record ends at 0.005 s, the run at 0.006 s; shorten the duration, or record longer";
+    says(&line, &format!("{file}32: drive.samples: "), words);
     let line = refused(&text.replace("force.csv", "none.csv"));
-    assert!(
-        line.contains("drive.file: ") && line.contains("none.csv: cannot be read"),
-        "{line}"
-    );
+    says(&line, &file, "none.csv: cannot be read");
     fs::write(folder.join("force.csv"), "0,0\n1e-3\n").unwrap();
-    let line = refused(&text);
-    assert!(
-        line.contains("force.csv:2: not a time and a value; give two numbers"),
-        "{line}"
-    );
+    let words = "force.csv:2: not a time and a value; give two numbers";
+    says(&refused(&text), &file, words);
     let line = scenario.check().expect_err("the file was never read").to_string();
-    assert!(
-        line.starts_with("drive.file: force.csv has not been read; "),
-        "{line}"
-    );
+    says(&line, "drive.file: force.csv has not been read; ", "");
     fs::remove_dir_all(folder).unwrap();
 }
 
@@ -355,11 +302,8 @@ fn a_run_beyond_the_end_of_its_record_is_refused_or_stops_there() {
             end: 6e-3
         }
     );
-    assert!(
-        error
-            .to_string()
-            .starts_with("drive: the record ends at 0.005 s, the run at 0.006 s; ")
-    );
+    let words = "drive: the record ends at 0.005 s, the run at 0.006 s; ";
+    says(&error.to_string(), words, "");
     assert_eq!(run.to(6e-3), Err(error));
     assert_eq!(run.time(), 5e-3);
     let options = hertz_chain::Options::default().with_duration(6e-3);
@@ -369,85 +313,17 @@ fn a_run_beyond_the_end_of_its_record_is_refused_or_stops_there() {
     ));
 }
 
-/// A change that makes a sound scenario wrong.
-type Change = fn(&mut Scenario);
-
 #[test]
-fn what_cannot_be_driven_is_refused_in_a_line() {
-    let sine = || Drive::sine(DriveQuantity::Displacement, 1e-6, 1500.0);
-    let good = driven(sine());
-    good.check().expect("it is sound");
-    let cases: [(&str, Change); 13] = [
-        (
-            "striker.velocity: a body that a drive moves cannot strike at 0.45 m/s; ",
-            |s| s.striker.velocity = 0.45,
-        ),
-        (
-            "chain.gravity: a vertical chain without a wall below falls; ",
-            |s| s.wall = None,
-        ),
-        ("chain.gravity: -9.81 is not zero or a positive number; ", |s| {
-            s.chain.gravity = -9.81
-        }),
-        (
-            "chain.precompression: a load of 1.000e8 N overlaps the bodies of contact 1 by ",
-            |s| {
-                s.chain.precompression = 1e8;
-            },
-        ),
-        (
-            "start[1].gap: a gap of 0.000001 m cannot be in a vertical chain at rest; ",
-            |s| {
-                s.chain.precompression = 0.0;
-                s.starts = vec![Start::apart([3], 1e-6)];
-            },
-        ),
-        (
-            "start[1].beads: bead 3 has no intruder that could begin so; ",
-            |s| {
-                s.starts = vec![Start::moving([3], 0.1)];
-                s.starts[0].intruder_velocity = 0.1;
-            },
-        ),
-        ("start[1].displacement: inf is no displacement; ", |s| {
-            s.starts = vec![Start::displaced([3], f64::INFINITY)];
-        }),
-        ("drive.amplitude: NaN is no amplitude; give a number in m", |s| {
-            of(s).amplitude = f64::NAN
-        }),
-        ("drive.frequency: 0 is not a positive number; ", |s| {
-            of(s).frequency = Some(0.0)
-        }),
-        ("drive.frequency: the drive has no signal; ", |s| {
-            of(s).frequency = None
-        }),
-        ("drive.sweep: frequency_end and sweep belong together; ", |s| {
-            of(s).sweep = Some(0.1)
-        }),
-        ("drive.frequency: a drive is a sine or a record; ", |s| {
-            of(s).samples = vec![[0.0, 0.0]]
-        }),
-        (
-            "drive.samples: the time of sample 3 is not after that before it; ",
-            |s| {
-                *of(s) = Drive::record(DriveQuantity::Force, vec![[0.0, 0.0], [1.0, 0.0], [1.0, 0.0]]);
-            },
-        ),
-    ];
-    for (words, change) in cases {
-        let line = Model::of(&changed(good.clone(), change))
-            .expect_err(words)
-            .to_string();
-        assert!(line.starts_with(words), "{line}");
-    }
-    let mut chirp = sine();
+fn a_load_that_presses_a_body_flat_and_a_drive_too_fast_for_its_samples_are_refused() {
+    let mut chirp = Drive::sine(DriveQuantity::Displacement, 1e-6, 1500.0);
+    let mut pressed = driven(chirp.clone());
+    pressed.chain.precompression = 1e8;
+    let line = Model::of(&pressed).expect_err("it is flat").to_string();
+    let words = "chain.precompression: a load of 1.000e8 N overlaps the bodies of contact 1 by ";
+    says(&line, words, "");
     (chirp.frequency_end, chirp.sweep) = (Some(4000.0), Some(0.01));
     chirp.check_rate(8000.0).expect("two samples a period");
     let line = chirp.check_rate(7000.0).unwrap_err().to_string();
     let words = "drive.frequency: 7000 samples a second cannot show a drive of up to 4000 Hz; ";
-    assert!(line.starts_with(words), "{line}");
-}
-
-fn of(scenario: &mut Scenario) -> &mut Drive {
-    scenario.drive.as_mut().expect("the scenario is driven")
+    says(&line, words, "");
 }

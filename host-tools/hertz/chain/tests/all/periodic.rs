@@ -3,6 +3,7 @@
 use std::f64::consts::TAU;
 use std::ops::ControlFlow;
 
+use crate::common::{numbers, says};
 use hertz_chain::{
     Accuracy, Bifurcation, Branch, BranchEnd, BranchOptions, Complex64, ContactForce, Drive, DriveParameter,
     DriveQuantity, Intruder, Oscillator, PeriodicState, Run, Scenario, Start,
@@ -23,12 +24,7 @@ fn trimer(beads: usize, amplitude: f64, frequency: f64) -> Scenario {
 /// A short one with an intruder on a spring that softens.
 fn short() -> Scenario {
     let mut scenario = trimer(3, 3e-8, 5200.0);
-    let oscillator = Oscillator {
-        mass: 5e-3,
-        stiffness: 6e6,
-        damping: 0.2,
-    };
-    scenario.intruders = vec![Intruder::new([2], oscillator)];
+    scenario.intruders = vec![Intruder::new([2], Oscillator::new(5e-3, 6e6, 0.2))];
     scenario.intruders[0].cubic_stiffness = -5e17;
     scenario
 }
@@ -44,7 +40,7 @@ const OTHER_PROGRAM: &str = "\
 fn a_driven_trimer_repeats_as_another_program_says() {
     let mut state = PeriodicState::of(&trimer(21, 1e-9, 6200.0)).unwrap();
     for row in OTHER_PROGRAM.lines() {
-        let numbers: Vec<f64> = row.split_whitespace().map(|n| n.parse().unwrap()).collect();
+        let numbers = numbers(row);
         let [amplitude, velocity, multipliers @ ..] = &numbers[..] else {
             unreachable!()
         };
@@ -104,8 +100,8 @@ fn perturbed(state: &PeriodicState, direction: usize, off: f64) -> Vec<f64> {
         .collect()
 }
 
-/// Multipliers by central differences of perturbed runs.
-fn multipliers_of_runs(state: &PeriodicState) -> Vec<Complex64> {
+/// Holds the multipliers against those of central differences of perturbed runs.
+fn multipliers_are_those_of_runs(state: &PeriodicState) {
     let off = 1e-11;
     let count = 2 * state.scenario().chain.beads + 2;
     let mut derivative = DMatrix::zeros(count, count);
@@ -115,28 +111,23 @@ fn multipliers_of_runs(state: &PeriodicState) -> Vec<Complex64> {
             derivative[(row, direction)] = (more - less) / (2.0 * off);
         }
     }
-    derivative.complex_eigenvalues().iter().copied().collect()
+    let expected = derivative.complex_eigenvalues();
+    assert_eq!(state.multipliers().len(), expected.len());
+    for multiplier in state.multipliers() {
+        let distances = expected.iter().map(|other| (multiplier - other).norm());
+        let nearest = distances.fold(f64::INFINITY, f64::min);
+        assert!(nearest < 1e-6, "{multiplier}: {nearest:e} of {expected:?}");
+    }
 }
 
 #[test]
 fn multipliers_are_those_of_perturbed_runs_on_the_stable_and_the_unstable_side_of_a_fold() {
-    let branch = fold_branch(6e-8);
+    let branch = followed(&trimer_with_fold(), 6e-8);
     let fold = branch.folds().next().unwrap().value;
-    let sides = |is_stable: bool| {
-        branch
-            .points
-            .iter()
-            .find(move |point| point.state.is_stable() == is_stable && point.value > 0.8 * fold)
-    };
-    for side in [true, false] {
-        let state = &sides(side).unwrap().state;
-        let expected = multipliers_of_runs(state);
-        for multiplier in state.multipliers() {
-            let distances = expected.iter().map(|other| (multiplier - other).norm());
-            let nearest = distances.fold(f64::INFINITY, f64::min);
-            assert!(nearest < 1e-6, "{multiplier}: {nearest:e} of {expected:?}");
-        }
-        assert_eq!(state.multipliers().len(), expected.len());
+    for is_stable in [true, false] {
+        let mut points = branch.points.iter().filter(|point| point.value > 0.8 * fold);
+        let side = points.find(|point| point.state.is_stable() == is_stable);
+        multipliers_are_those_of_runs(&side.unwrap().state);
     }
 }
 
@@ -147,14 +138,8 @@ fn multipliers_on_a_ground_that_drags_are_those_of_perturbed_runs_and_their_prod
     (scenario.chain.relaxation, scenario.chain.drag_time) = (0.0, Some(1e-3));
     scenario.intruders[0].damping = 0.0;
     let state = PeriodicState::of(&scenario).expect("a weak drive has one");
-    let expected = multipliers_of_runs(&state);
-    let mut product = Complex64::new(1.0, 0.0);
-    for multiplier in state.multipliers() {
-        let distances = expected.iter().map(|other| (multiplier - other).norm());
-        let nearest = distances.fold(f64::INFINITY, f64::min);
-        assert!(nearest < 1e-6, "{multiplier}: {nearest:e} of {expected:?}");
-        product *= multiplier;
-    }
+    multipliers_are_those_of_runs(&state);
+    let product: Complex64 = state.multipliers().iter().product();
     // The drag acts on the whole mass of a host, and slows its shell.
     let model = hertz_chain::Model::of(&scenario).unwrap();
     let host = model.mass(2) / (model.mass(2) - scenario.intruders[0].mass);
@@ -169,22 +154,21 @@ fn trimer_with_fold() -> Scenario {
     scenario
 }
 
-fn fold_branch(to: f64) -> Branch {
-    let start = PeriodicState::of(&trimer_with_fold()).expect("a weak drive has one");
+/// Follows the motion of a weak drive to a greater amplitude.
+fn followed(scenario: &Scenario, to: f64) -> Branch {
+    let start = PeriodicState::of(scenario).expect("a weak drive has one");
     let options = BranchOptions::default();
-    Branch::follow(start, DriveParameter::Amplitude, to, &options, |_| {
-        ControlFlow::Continue(())
-    })
-    .expect("the range is right")
+    let all = |_: &_| ControlFlow::Continue(());
+    Branch::follow(start, DriveParameter::Amplitude, to, &options, all).expect("the range is right")
 }
 
 #[test]
 fn a_branch_goes_around_its_folds_where_a_multiplier_is_one() {
-    let branch = fold_branch(6e-8);
+    let branch = followed(&trimer_with_fold(), 6e-8);
     let folds: Vec<_> = branch.folds().collect();
     assert_eq!((folds.len(), branch.end), (2, BranchEnd::Range));
     // Steps of other lengths find them at the same amplitudes.
-    let other = fold_branch(1e-7);
+    let other = followed(&trimer_with_fold(), 1e-7);
     for (fold, other) in folds.into_iter().zip(other.folds()) {
         assert!((fold.value / other.value - 1.0).abs() < 1e-10);
         let nearest = fold.state.multipliers().iter().map(|one| (one - 1.0).norm());
@@ -243,18 +227,9 @@ fn a_period_doubles_where_a_multiplier_passes_minus_one() {
     // One bead between piston and wall, shaken at nearly twice its own frequency, 5542 Hz.
     let mut scenario = trimer(1, 1e-8, 10950.0);
     scenario.chain.relaxation = 5e-8;
-    let start = PeriodicState::of(&scenario).unwrap();
-    let options = BranchOptions::default();
-    let branch = Branch::follow(start, DriveParameter::Amplitude, 1e-6, &options, |_| {
-        ControlFlow::Continue(())
-    })
-    .unwrap();
-    let found: Vec<_> = branch
-        .points
-        .iter()
-        .filter_map(|point| point.bifurcation)
-        .collect();
-    assert_eq!(found.first(), Some(&Bifurcation::PeriodDoubling), "{found:?}");
+    let branch = followed(&scenario, 1e-6);
+    let mut found = branch.points.iter().filter_map(|point| point.bifurcation);
+    assert_eq!(found.next(), Some(Bifurcation::PeriodDoubling));
 }
 
 #[test]
@@ -286,24 +261,21 @@ fn what_has_no_period_is_refused() {
         (touching, "chain.precompression: beads that just touch"),
         (endless, "chain.beads: 2001 beads and 0 intruders have too many"),
     ] {
-        let error = PeriodicState::of(&scenario).unwrap_err().to_string();
-        assert!(error.starts_with(words), "{error}");
+        says(&PeriodicState::of(&scenario).unwrap_err().to_string(), words, "");
     }
     let mut forced = short();
     forced.drive = drive(DriveQuantity::Force);
     let state = PeriodicState::of(&forced).unwrap();
     assert_eq!(state.multipliers().len(), 10);
     let options = BranchOptions::default();
+    let follow = |to: f64| {
+        let stop = |_: &_| ControlFlow::Break(());
+        Branch::follow(state.clone(), DriveParameter::Amplitude, to, &options, stop)
+    };
     for to in [-1.0, 1e-8, f64::NAN] {
-        let error = Branch::follow(state.clone(), DriveParameter::Amplitude, to, &options, |_| {
-            ControlFlow::Continue(())
-        });
-        let error = error.unwrap_err().to_string();
-        assert!(error.starts_with("no branch goes from 0.00000001 to "), "{error}");
+        let words = "no branch goes from 0.00000001 to ";
+        says(&follow(to).unwrap_err().to_string(), words, "");
     }
-    let stopped = Branch::follow(state, DriveParameter::Amplitude, 1.0, &options, |_| {
-        ControlFlow::Break(())
-    })
-    .unwrap();
+    let stopped = follow(1.0).unwrap();
     assert_eq!((stopped.end, stopped.points.len()), (BranchEnd::Stopped, 2));
 }

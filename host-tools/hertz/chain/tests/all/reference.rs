@@ -44,12 +44,7 @@ fn numbers(value: &Value, key: &str) -> Vec<f64> {
 fn scenario(name: &str, case: &Value) -> Scenario {
     let p = &case["params"];
     let [hosts, k, c, m] = ["hosts_idx", "k", "c", "m"].map(|key| numbers(p, key));
-    let oscillator = |i: usize| Oscillator {
-        mass: m[i],
-        stiffness: k[i],
-        damping: c[i],
-    };
-    let intruder = |i: usize| Intruder::new([hosts[i] as usize], oscillator(i));
+    let intruder = |i: usize| Intruder::new([hosts[i] as usize], Oscillator::new(m[i], k[i], c[i]));
     let mut scenario = Scenario::new(number(p, "T_end"), Chain::PAPER, Striker::PAPER);
     name.clone_into(&mut scenario.title);
     let chain = &mut scenario.chain;

@@ -2,10 +2,8 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-use crate::common::{close, elastic, run};
-use hertz_chain::{
-    Intruder, Oscillator, Run, Scenario, SimulateError, Start, Summariser, simulate, summarise,
-};
+use crate::common::{close, elastic, numbers, run};
+use hertz_chain::{Intruder, Oscillator, Scenario, SimulateError, Start, simulate, summarise};
 
 /// One free bead, its intruder let go at a distance from its place, m.
 fn let_go(oscillator: Oscillator, cubic_stiffness: f64, distance: f64) -> Scenario {
@@ -100,155 +98,75 @@ fn an_intruder_that_is_let_go_moves_as_duffings_oscillator() {
     }
 }
 
-/// A strike on two beads, and the results of `springs_by_scipy.py`.
-struct SpringCase {
-    name: &'static str,
-    /// Bead, mass, k, k₃ and c.
-    intruders: &'static [(usize, f64, f64, f64, f64)],
-    /// Intruders that others carry, with the number of that one, both from 1.
-    inside: &'static [(usize, usize)],
-    places: &'static [f64],
-    speeds: &'static [f64],
-    velocities: &'static [f64],
-    lost: &'static [f64],
-}
-
-impl SpringCase {
-    fn scenario(&self) -> Scenario {
-        let mut scenario = elastic(2, 1e-3);
-        let intruder = |&(bead, mass, stiffness, cubic, damping): &(usize, f64, f64, f64, f64)| {
-            let oscillator = Oscillator {
-                mass,
-                stiffness,
-                damping,
-            };
-            let mut intruder = Intruder::new([bead], oscillator);
-            intruder.cubic_stiffness = cubic;
-            intruder
-        };
-        scenario.intruders = self.intruders.iter().map(intruder).collect();
-        for (inner, carrier) in self.inside {
-            scenario.intruders[inner - 1].inside = Some(*carrier);
-        }
-        scenario
-    }
-}
-
 /// Printed by `python tests/springs_by_scipy.py` (SciPy 1.17.1): DOP853 at a relative tolerance of 1e-13, in
 /// steps of up to 0.1 µs. Half as long steps change the velocities by up to 2e-11 of the striker's.
-const CASES: [SpringCase; 6] = [
-    SpringCase {
-        name: "hardening",
-        intruders: &[(2, 3.7e-3, 1e5, 2e16, 12.0)],
-        inside: &[],
-        places: &[1.3679766905763452e-06],
-        speeds: &[-0.007729706512687354],
-        velocities: &[-0.3994565424293486, 0.0008451371387295508, 0.050452400295028885],
-        lost: &[1.686688144853361e-06],
-    },
-    SpringCase {
-        name: "softening",
-        intruders: &[(2, 3.7e-3, 3.95e5, -2e16, 12.0)],
-        inside: &[],
-        places: &[7.39115119498604e-08],
-        speeds: &[-0.011579417014964732],
-        velocities: &[-0.39945654278423254, 0.0006823655758734123, 0.050894479011711395],
-        lost: &[1.2606634296345127e-06],
-    },
-    SpringCase {
-        name: "both",
-        intruders: &[(1, 2e-3, 2e5, 5e16, 5.0), (2, 3.7e-3, 3.95e5, -1e16, 12.0)],
-        inside: &[],
-        places: &[-6.4343929019107e-07, -4.0796408506773744e-07],
-        speeds: &[-0.010273739083682764, -0.008124766588365057],
-        velocities: &[-0.39779484771250395, 0.0012402765835146938, 0.05038958560970177],
-        lost: &[2.746588718944504e-06, 1.1131931928238762e-06],
-    },
-    SpringCase {
-        name: "several in a bead",
-        intruders: &[
-            (1, 2e-3, 2e5, 5e16, 5.0),
-            (2, 3.7e-3, 3.95e5, 0.0, 12.0),
-            (2, 1.5e-3, 9e5, 0.0, 3.0),
-        ],
-        inside: &[],
-        places: &[
-            -6.37200500942464e-07,
-            -5.597480048508412e-07,
-            -2.7840142877574522e-08,
-        ],
-        speeds: &[
-            -0.010278571506752068,
-            -0.005709000542823861,
-            -0.00027540459478528345,
-        ],
-        velocities: &[-0.39779483255786185, 0.0011858262318698467, 0.0502770546251095],
-        lost: &[
-            2.7417862625811045e-06,
-            1.0046908973862676e-06,
-            5.552684421390595e-09,
-        ],
-    },
-    SpringCase {
-        name: "one in another",
-        intruders: &[(2, 3.7e-3, 3.95e5, 0.0, 12.0), (2, 0.8e-3, 3e5, 2e16, 2.0)],
-        inside: &[(2, 1)],
-        places: &[-7.001403567246322e-08, -1.2538687443118903e-07],
-        speeds: &[-0.013123418854058669, -0.0031843928277964506],
-        velocities: &[-0.3994565348201596, 0.0008571294717943089, 0.05108755824816104],
-        lost: &[1.5162451124511157e-06, 2.2921486892545483e-08],
-    },
-    SpringCase {
-        name: "two and one in another",
-        intruders: &[
-            (1, 2e-3, 2e5, 5e16, 5.0),
-            (2, 3.7e-3, 3.95e5, 0.0, 12.0),
-            (2, 0.8e-3, 3e5, 0.0, 2.0),
-            (2, 0.3e-3, 2e5, 1e16, 1.0),
-            (2, 0.5e-3, 4e5, 0.0, 3.0),
-        ],
-        inside: &[(3, 2), (4, 3), (5, 2)],
-        places: &[
-            -6.598909622066255e-07,
-            8.61314985790547e-07,
-            1.1856972812587026e-07,
-            4.0601581738430403e-08,
-            5.1708335079362884e-08,
-        ],
-        speeds: &[
-            -0.01024642273215603,
-            -0.015437913843928452,
-            -0.004981117476167595,
-            -0.0021445203466163125,
-            -0.0016777492589353238,
-        ],
-        velocities: &[-0.3977948297329075, 0.0017885025785173304, 0.05099173424842814],
-        lost: &[
-            2.75370581801085e-06,
-            1.7218511702817684e-06,
-            4.6443254883065434e-08,
-            4.83963157035969e-09,
-            4.056473985171458e-09,
-        ],
-    },
-];
+///
+/// Of each strike on two beads, the velocities of the bodies. Below, of each intruder: its bead, m, k, k₃, c,
+/// and the number of its carrier or 0; then x, x' and the energy that it has dissipated.
+const CASES: &str = "\
+hardening -0.3994565424293486 0.0008451371387295508 0.050452400295028885
+    2 3.7e-3 1e5 2e16 12.0 0 1.3679766905763452e-06 -0.007729706512687354 1.686688144853361e-06
+softening -0.39945654278423254 0.0006823655758734123 0.050894479011711395
+    2 3.7e-3 3.95e5 -2e16 12.0 0 7.39115119498604e-08 -0.011579417014964732 1.2606634296345127e-06
+both -0.39779484771250395 0.0012402765835146938 0.05038958560970177
+    1 2e-3 2e5 5e16 5.0 0 -6.4343929019107e-07 -0.010273739083682764 2.746588718944504e-06
+    2 3.7e-3 3.95e5 -1e16 12.0 0 -4.0796408506773744e-07 -0.008124766588365057 1.1131931928238762e-06
+several-in-a-bead -0.39779483255786185 0.0011858262318698467 0.0502770546251095
+    1 2e-3 2e5 5e16 5.0 0 -6.37200500942464e-07 -0.010278571506752068 2.7417862625811045e-06
+    2 3.7e-3 3.95e5 0.0 12.0 0 -5.597480048508412e-07 -0.005709000542823861 1.0046908973862676e-06
+    2 1.5e-3 9e5 0.0 3.0 0 -2.7840142877574522e-08 -0.00027540459478528345 5.552684421390595e-09
+one-in-another -0.3994565348201596 0.0008571294717943089 0.05108755824816104
+    2 3.7e-3 3.95e5 0.0 12.0 0 -7.001403567246322e-08 -0.013123418854058669 1.5162451124511157e-06
+    2 0.8e-3 3e5 2e16 2.0 1 -1.2538687443118903e-07 -0.0031843928277964506 2.2921486892545483e-08
+two-and-one-in-another -0.3977948297329075 0.0017885025785173304 0.05099173424842814
+    1 2e-3 2e5 5e16 5.0 0 -6.598909622066255e-07 -0.01024642273215603 2.75370581801085e-06
+    2 3.7e-3 3.95e5 0.0 12.0 0 8.61314985790547e-07 -0.015437913843928452 1.7218511702817684e-06
+    2 0.8e-3 3e5 0.0 2.0 2 1.1856972812587026e-07 -0.004981117476167595 4.6443254883065434e-08
+    2 0.3e-3 2e5 1e16 1.0 3 4.0601581738430403e-08 -0.0021445203466163125 4.83963157035969e-09
+    2 0.5e-3 4e5 0.0 3.0 2 5.1708335079362884e-08 -0.0016777492589353238 4.056473985171458e-09";
+
+/// The velocities of the bodies and the rows of the intruders of a case.
+fn case(name: &str) -> (Vec<f64>, Vec<Vec<f64>>) {
+    let mut rows = CASES
+        .lines()
+        .skip_while(|row| row.split(' ').next() != Some(name));
+    let head = rows.next().and_then(|row| row.split_once(' '));
+    let (_, velocities) = head.expect("the case is there");
+    let intruders = rows.map_while(|row| row.strip_prefix("    ")).map(numbers);
+    (numbers(velocities), intruders.collect())
+}
+
+/// The strike of a case.
+fn strike(name: &str) -> Scenario {
+    let mut scenario = elastic(2, 1e-3);
+    let intruder = |row: &Vec<f64>| {
+        let oscillator = Oscillator::new(row[1], row[2], row[4]);
+        let mut intruder = Intruder::new([row[0] as usize], oscillator);
+        intruder.cubic_stiffness = row[3];
+        intruder.inside = Some(row[5] as usize).filter(|carrier| *carrier > 0);
+        intruder
+    };
+    scenario.intruders = case(name).1.iter().map(intruder).collect();
+    scenario
+}
 
 #[test]
 fn struck_intruders_on_any_springs_and_in_others_move_as_an_independent_program_says() {
-    for case in CASES {
-        let solution = run(&case.scenario());
+    let names = CASES.lines().filter(|row| !row.starts_with(' '));
+    for name in names.filter_map(|row| row.split(' ').next()) {
+        let (velocities, intruders) = case(name);
+        let solution = run(&strike(name));
         let (end, summary) = (solution.at(1e-3), solution.summary());
-        for (body, velocity) in case.velocities.iter().enumerate() {
-            close(end.velocity(body), *velocity, 1e-10 * 0.45);
+        for (body, velocity) in velocities.into_iter().enumerate() {
+            close(end.velocity(body), velocity, 1e-10 * 0.45);
         }
-        for (number, &(bead, ..)) in case.intruders.iter().enumerate() {
-            println!("{}, bead {bead}", case.name);
+        for (number, row) in intruders.iter().enumerate() {
+            println!("{name}, intruder {number}");
             // Strokes are of the order of 1 µm.
             let motion = end.motion_of(number);
-            close(motion.displacement, case.places[number], 3e-10 * 1e-6);
-            close(motion.velocity, case.speeds[number], 1e-10);
-            let lost = case.lost[number];
-            close(summary.intruders[number].dissipated, lost, 1e-10 * lost);
+            close(motion.displacement, row[6], 3e-10 * 1e-6);
+            close(motion.velocity, row[7], 1e-10);
+            close(summary.intruders[number].dissipated, row[8], 1e-10 * row[8]);
         }
         close(summary.energy.balance_error, 0.0, 1e-12);
     }
@@ -256,7 +174,7 @@ fn struck_intruders_on_any_springs_and_in_others_move_as_an_independent_program_
 
 #[test]
 fn a_spring_that_softens_until_it_lets_go_ends_the_run_in_one_line() {
-    let mut scenario = CASES[1].scenario();
+    let mut scenario = strike("softening");
     scenario.intruders[0].cubic_stiffness = -2e18;
     let error = simulate(&scenario).expect_err("it lets go");
     let SimulateError::SpringGivesWay { bead, time, reach } = error else {
@@ -266,69 +184,4 @@ fn a_spring_that_softens_until_it_lets_go_ends_the_run_in_one_line() {
     close(reach, (3.95e5_f64 / 2e18).sqrt(), 1e-18);
     assert!(time > 1e-4 && time < 4e-4, "{time}");
     assert_eq!(summarise(&scenario, &hertz_chain::Options::default()), Err(error));
-}
-
-#[test]
-fn the_parts_of_a_hardening_chains_energy_add_up_at_any_time() {
-    let mut scenario = CASES[2].scenario();
-    scenario.chain.relaxation = 4.2e-6;
-    let mut run = Run::new(&scenario, hertz_chain::Accuracy::REFERENCE).unwrap();
-    let mut summariser = Summariser::new(&mut run);
-    let mut worst = 0.0_f64;
-    run.watch(1e-3, |step| summariser.observe(step)).unwrap();
-    let solution = simulate(&scenario).unwrap();
-    let whole = solution.model().initial_energy();
-    for n in 1..=100 {
-        let at = solution.at(1e-5 * f64::from(n));
-        worst = worst.max((at.energies().total() / whole - 1.0).abs());
-        let region = at.region(1..=2);
-        close(
-            region.intruder_kinetic + region.intruder_elastic,
-            at.energies().intruders,
-            1e-15 * whole,
-        );
-    }
-    close(worst, 0.0, 1e-11);
-    assert_eq!(
-        summariser.summary(&mut run).intruders,
-        solution.summary().intruders
-    );
-}
-
-#[test]
-fn what_no_spring_does_is_refused() {
-    let refusal = |change: fn(&mut Scenario)| {
-        let mut scenario = let_go(UNDAMPED, -1e17, 1e-6);
-        change(&mut scenario);
-        scenario.check().expect_err("no spring does that").to_string()
-    };
-    let itself = refusal(|one| one.intruders[0].inside = Some(1));
-    assert!(
-        itself.starts_with("intruder[1].inside: intruder[1] does not come before intruder[1]"),
-        "{itself}"
-    );
-    let empty = refusal(|one| {
-        one.chain.beads = 2;
-        one.intruders.push(Intruder::new([2], UNDAMPED));
-        one.intruders[1].inside = Some(1);
-    });
-    assert!(
-        empty.starts_with("intruder[2].inside: bead 2 holds no intruder[1]"),
-        "{empty}"
-    );
-    let infinite = refusal(|one| one.intruders[0].cubic_stiffness = f64::INFINITY);
-    assert!(
-        infinite.starts_with("intruder[1].cubic_stiffness: inf is no cubic stiffness"),
-        "{infinite}"
-    );
-    let far = refusal(|one| one.starts[0].intruder_displacement = -2e-6);
-    assert!(
-        far.starts_with("start[1].intruder_displacement: at -0.000002 m"),
-        "{far}"
-    );
-    let hanging = refusal(|one| one.chain.gravity = 9.81);
-    assert!(
-        hanging.starts_with("intruder[1].cubic_stiffness: a spring that is not linear"),
-        "{hanging}"
-    );
 }

@@ -236,23 +236,18 @@ fn the_balance_error_is_the_worst_of_all_steps() {
     );
 }
 
-/// A wave that leaves most of the chain behind in slow motion, which takes longer steps.
-fn long_and_viscous() -> Scenario {
-    changed(Scenario::paper(), |one| {
+/// A wave leaves most of the chain behind in slow motion, which takes longer steps.
+#[test]
+fn a_long_viscous_chain_moves_the_same_observed_or_not() {
+    let scenario = changed(Scenario::paper(), |one| {
         one.chain.beads = 450;
         one.intruders = vec![Intruder::new([140], Oscillator::PAPER)];
         one.duration = 0.13;
-    })
-}
-
-const FINE: Accuracy = Accuracy::new(1e-10, 1.0);
-
-#[test]
-fn a_long_viscous_chain_moves_the_same_observed_or_not() {
-    let scenario = long_and_viscous();
-    let kept = kept(&scenario, FINE);
-    let found = streamed(&scenario, FINE);
-    let mut plain = run_at(&scenario, FINE);
+    });
+    let fine = Accuracy::new(1e-10, 1.0);
+    let kept = kept(&scenario, fine);
+    let found = streamed(&scenario, fine);
+    let mut plain = run_at(&scenario, fine);
     plain.to(scenario.duration).expect("it runs");
     let (end, plain) = (kept.at(kept.end()), plain.snapshot());
     for body in 0..=scenario.chain.beads {
@@ -264,45 +259,4 @@ fn a_long_viscous_chain_moves_the_same_observed_or_not() {
     let error = found.energy.balance_error;
     assert!(error < 1e-10, "{error:e}");
     assert_eq!(found, timeless(kept.summary()));
-}
-
-#[test]
-fn a_long_viscous_chain_can_be_looked_into_and_run_on_at_any_time() {
-    let scenario = long_and_viscous();
-    let exact = kept(&scenario, Accuracy::new(1e-13, 0.5));
-    let (end, mut sampler) = (scenario.duration, exact.sampler());
-    let mut run = run_at(&scenario, FINE);
-    let watched = run.watch(end, |step| {
-        if !step.number().is_multiple_of(23) {
-            return;
-        }
-        for part in [0.2, 0.9] {
-            let t = step.from() + part * (step.to() - step.from());
-            let (there, here) = (sampler.at(t), step.at(t));
-            for body in 0..=scenario.chain.beads {
-                close(here.velocity(body), there.velocity(body), 0.45e-9);
-                close(here.displacement(body), there.displacement(body), 1e-12);
-            }
-        }
-    });
-    watched.expect("it runs");
-    // In the middle of a slow step too.
-    let mut run = run_at(&scenario, FINE);
-    let (mut number, mut first) = (0, None);
-    while run.time() < end {
-        run.step(end).expect("it runs");
-        number += 1;
-        if number % 300 != 0 && run.time() < end {
-            continue;
-        }
-        let now = run.snapshot();
-        let energy = now.energies().total();
-        close(energy / *first.get_or_insert(energy), 1.0, 1e-11);
-        let mut other = now.resume(FINE).expect("it is sound");
-        other.to(end).expect("it runs");
-        let (other, last) = (other.snapshot(), exact.at(end));
-        for body in 0..=scenario.chain.beads {
-            close(other.velocity(body), last.velocity(body), 0.45e-9);
-        }
-    }
 }

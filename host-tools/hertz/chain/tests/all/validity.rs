@@ -1,6 +1,6 @@
 //! Where the model's contacts are not what bodies do.
 
-use crate::common::{changed, elastic, near, run};
+use crate::common::{changed, elastic, near, run, says};
 use hertz_chain::{ContactLaw, Damping, Scenario, Validity};
 
 fn of(scenario: &Scenario) -> Vec<Validity> {
@@ -28,10 +28,7 @@ fn the_papers_strike_is_elastic_and_one_of_twice_its_speed_is_not() {
     let faster = |times: f64| changed(Scenario::paper(), |one| one.striker.velocity *= times);
     assert!(of(&faster(1.8))[0].remarks().is_empty());
     let remarks = of(&faster(2.1))[0].remarks();
-    assert!(
-        remarks[0].contains("Bakelite yields from 320 MPa on"),
-        "{remarks:?}"
-    );
+    says(&remarks[0], "", "Bakelite yields from 320 MPa on");
 }
 
 #[test]
@@ -43,11 +40,8 @@ fn metals_that_yield_are_remarked_on() {
         [1, 11].map(|contact: usize| contacts[contact - 1].remarks().join(" "))
     };
     let [steel, brass] = steel_and_brass(&chain);
-    assert!(
-        steel.contains("hardened bearing steel yields from 3200 MPa on"),
-        "{steel}"
-    );
-    assert!(brass.contains("hard brass yields from 560 MPa on"), "{brass}");
+    says(&steel, "", "hardened bearing steel yields from 3200 MPa on");
+    says(&brass, "", "hard brass yields from 560 MPa on");
     chain.striker.velocity *= 0.8;
     assert_eq!(steel_and_brass(&chain)[0], "");
 }

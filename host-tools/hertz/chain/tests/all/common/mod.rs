@@ -50,6 +50,12 @@ pub(crate) fn from_height(height: f64) -> PulseSearch {
     }
 }
 
+/// The numbers of a row of a table.
+pub(crate) fn numbers(row: &str) -> Vec<f64> {
+    let words = row.split_whitespace();
+    words.map(|word| word.parse().expect("a number")).collect()
+}
+
 pub(crate) fn run(scenario: &Scenario) -> Solution {
     simulate(scenario).expect("the scenario runs")
 }
@@ -66,6 +72,16 @@ pub(crate) fn near(value: f64, expected: f64, part: f64) {
 pub(crate) fn close(value: f64, expected: f64, most: f64) {
     let error = value - expected;
     assert!(error.abs() < most, "{value:?} is off {expected:?} by {error:e}");
+}
+
+/// Asserts that a text is one line that begins with some words and holds others.
+#[track_caller]
+pub(crate) fn says(text: &str, start: &str, more: &str) {
+    let is_line = text.lines().count() == 1;
+    assert!(
+        is_line && text.starts_with(start) && text.contains(more),
+        "{text}"
+    );
 }
 
 /// Random numbers, equal in every run (Marsaglia's xorshift).
