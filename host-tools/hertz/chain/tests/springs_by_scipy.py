@@ -2,8 +2,8 @@
 
     python springs_by_scipy.py
 
-Prints, for each case, displacement and velocity of each intruder relative to what carries it, the velocities of the
-bodies, and the energy dissipated by each intruder, all at the end.
+Prints the rows of that test: for each case the velocities of the bodies, then a row for each intruder: its own numbers,
+displacement and velocity relative to what carries it, and the energy that it has dissipated, all at the end.
 """
 
 import math
@@ -87,6 +87,7 @@ CASES = {
     ],
 }
 for name, intruders in CASES.items():
-    print(name)
-    for values in solve(intruders):
-        print("   ", ", ".join(repr(float(value)) for value in values))
+    places, speeds, velocities, lost = solve(intruders)
+    print(name.replace(" ", "-"), *map(float, velocities))
+    for (bead, mass, k, k3, c, *inside), *motion in zip(intruders, places, speeds, lost):
+        print("   ", bead, mass, k, k3, c, inside[0] + 1 if inside else 0, *map(float, motion))
