@@ -1,5 +1,7 @@
 //! The benchmarks of the simulator, of the monitor and of the emulator.
 
+use crate::packages::IMAGES;
+use crate::setup::TARGET;
 use crate::step::{CommandLine, Steps, Stop};
 
 /// Runs the benchmark of the simulator with these words, or that of the monitor with the word `monitor`, or
@@ -9,24 +11,10 @@ use crate::step::{CommandLine, Steps, Stop};
 /// # Errors
 /// It does not build, or ends with an error.
 pub(crate) fn bench(steps: &Steps, words: &[&String]) -> Result<(), Stop> {
-    if let [word] = words
-        && word.as_str() == "monitor"
-    {
-        let name = "monitor_rate::ten_beads_at_a_megabyte_a_second_lose_nothing";
-        let line = CommandLine::new(
-            "cargo test --release --package absorber-bead --test all -- --nocapture --exact",
-        )
-        .arg(name)
-        .env("BEAD_MONITOR_SECONDS", "600");
-        return steps.run(
-            "recorder and monitor at 1 MB/s of ten beads, for ten minutes",
-            &line,
-        );
-    }
-    if let [word] = words
-        && word.as_str() == "emulator"
-    {
-        return emulator(steps);
+    match words {
+        [word] if *word == "monitor" => return monitor(steps),
+        [word] if *word == "emulator" => return emulator(steps),
+        _ => {}
     }
     let mut line = CommandLine::new("cargo run --release --package hertz-benchmarks --");
     for word in words {
@@ -43,14 +31,21 @@ pub(crate) fn bench(steps: &Steps, words: &[&String]) -> Result<(), Stop> {
     steps.run("the chain simulator and general solvers", &line)
 }
 
+/// Recorder and monitor, as fast as ten beads may send.
+fn monitor(steps: &Steps) -> Result<(), Stop> {
+    let line =
+        CommandLine::new("cargo test --release --package absorber-bead --test all -- --nocapture --exact")
+            .words("monitor_rate::ten_beads_at_a_megabyte_a_second_lose_nothing")
+            .env("BEAD_MONITOR_SECONDS", "600");
+    let title = "recorder and monitor at 1 MB/s of ten beads, for ten minutes";
+    steps.run(title, &line)
+}
+
 /// How fast an image waits in the emulator.
 fn emulator(steps: &Steps) -> Result<(), Stop> {
-    const TARGET: &str = "thumbv7em-none-eabihf";
-    let build = "cargo build --package stm32f405-qemu-images --profile firmware --bin waits --target";
-    let line = CommandLine::new(build).arg(TARGET);
-    steps.run("the image that waits", &line)?;
+    let image = CommandLine::new("cargo build --bin waits").words(IMAGES);
+    steps.run("the image that waits", &image)?;
     let image = steps.target.join(TARGET).join("firmware/waits");
-    let line =
-        CommandLine::new("cargo run --release --package stm32f405-qemu --example waiting --").arg(image);
-    steps.run("the emulator while firmware waits", &line)
+    let line = CommandLine::new("cargo run --release --package stm32f405-qemu --example waiting --");
+    steps.run("the emulator while firmware waits", &line.arg(image))
 }

@@ -1,7 +1,6 @@
 //! The table of boards, `firmware/boards.txt`.
 
-use std::fs;
-
+use crate::files;
 use crate::step::{Steps, Stop};
 
 /// Where the rows are.
@@ -22,8 +21,7 @@ pub(crate) fn names(steps: &Steps) -> Result<Vec<String>, Stop> {
 /// # Errors
 /// It cannot be read.
 pub(crate) fn read(steps: &Steps) -> Result<String, Stop> {
-    let table = steps.root.join(TABLE);
-    fs::read_to_string(&table).map_err(|error| Stop::failed(format!("{}: {error}", table.display())))
+    files::read(&steps.root.join(TABLE))
 }
 
 /// The cells of each row.

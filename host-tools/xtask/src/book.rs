@@ -2,15 +2,10 @@
 
 use std::path::Path;
 
-use crate::files::{below, write};
+use crate::files::{below, bytes, write};
 use crate::step::{CommandLine, Steps, Stop};
-use crate::tools::{self, Tool};
+use crate::tools;
 
-const MDBOOK: Tool = Tool {
-    package: "mdbook",
-    version: "0.5.4",
-    options: "--no-default-features --features search",
-};
 /// Target of links that leave docs/: the source is not part of the book.
 const SOURCE: &str = concat!(env!("CARGO_PKG_REPOSITORY"), "/blob/main/");
 
@@ -19,10 +14,14 @@ const SOURCE: &str = concat!(env!("CARGO_PKG_REPOSITORY"), "/blob/main/");
 /// # Errors
 /// mdBook cannot be installed or does not accept a page.
 pub(crate) fn render(steps: &Steps) -> Result<(), Stop> {
-    let mdbook = tools::installed(steps, &MDBOOK)?;
+    let mdbook = tools::installed(
+        steps,
+        "mdbook",
+        "0.5.4",
+        "--no-default-features --features search",
+    )?;
     let [pages, book] = ["book-pages", "book"].map(|name| steps.target.join(name));
-    gather(&steps.root.join("docs"), &pages)
-        .map_err(|error| Stop::failed(format!("cannot copy the pages to {}: {error}", pages.display())))?;
+    gather(&steps.root.join("docs"), &pages)?;
     let build = CommandLine::program(mdbook).words("build").arg(&pages);
     steps.run("the book", &build.words("--dest-dir").arg(&book))?;
     let index = steps.built("book/index.html");
@@ -31,14 +30,14 @@ pub(crate) fn render(steps: &Steps) -> Result<(), Stop> {
 }
 
 /// Copies the folder of pages. Links that leave it lead to the repository on the web.
-fn gather(from: &Path, to: &Path) -> std::io::Result<()> {
+fn gather(from: &Path, to: &Path) -> Result<(), Stop> {
     for path in below(from, &|_| true)? {
-        let mut bytes = std::fs::read(&path)?;
+        let mut bytes = bytes(&path)?;
         if path.extension().is_some_and(|extension| extension == "md") {
             let text = String::from_utf8_lossy(&bytes);
             bytes = text.replace("](../", &format!("]({SOURCE}")).into_bytes();
         }
-        write(&to.join(path.strip_prefix(from).unwrap_or(&path)), &bytes)?;
+        write(&to.join(path.strip_prefix(from).unwrap_or(&path)), bytes)?;
     }
     Ok(())
 }

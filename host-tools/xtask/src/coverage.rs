@@ -11,10 +11,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::fs;
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use crate::code_lines::{Code, FLASH, Place};
-use crate::files::{below, write};
+use crate::files::{below, bytes, cannot, entries, make, write};
 use crate::setup::{Need, setup};
 use crate::step::{Steps, Stop};
 use crate::suite::Job;
@@ -46,23 +46,16 @@ pub(crate) fn measure(steps: &Steps, words: &[&String]) -> Result<(), Stop> {
     }
     let mut lines = Lines::default();
     for elf in images(steps, &runs)? {
-        let failed = |why: String| Stop::failed(format!("{}: {why}", elf.display()));
-        let bytes = fs::read(&elf).map_err(|error| failed(error.to_string()))?;
-        let code = Code::of_elf(&bytes).map_err(failed)?;
-        lines.add(&code, &executed(&elf).map_err(|error| failed(error.to_string()))?);
+        let code = Code::of_elf(&bytes(&elf)?).map_err(cannot("read", &elf))?;
+        lines.add(&code, &executed(&elf)?);
     }
-    let put = |name: &str, text: String| {
-        let path = folder.join(name);
-        write(&path, text.as_bytes()).map_err(|error| Stop::failed(format!("{}: {error}", path.display())))
-    };
-    put("image.lcov", lines.lcov())?;
-    put("unreached.txt", lines.unreached())?;
-    let sums = lines.table();
+    write(&folder.join("image.lcov"), lines.lcov())?;
+    write(&folder.join("unreached.txt"), lines.unreached())?;
+    let share = share(lines.table());
     steps.announce(&format!(
         "{} and unreached.txt beside it have the lines and functions",
         folder.join("image.lcov").display()
     ));
-    let share = sums.share();
     if share < LEAST {
         let what = "of the image's own lines are reached, and 90 % are asked for";
         return Err(Stop::failed(format!("{:.1} % {what}", 100.0 * share)));
@@ -80,17 +73,14 @@ fn run(steps: &Steps, runs: &Path) -> Result<(), Stop> {
     jobs.extend(test::slow_core(steps, &jobs));
     jobs.push(test::silent_strikes(steps));
     let _ = fs::remove_dir_all(runs);
-    fs::create_dir_all(runs).map_err(|error| Stop::failed(format!("{}: {error}", runs.display())))?;
+    make(runs)?;
     let runs = runs.to_string_lossy();
-    // Counts of instructions belong to `test`; they would reach nothing more.
-    let noted = |Job { title, line }: Job| {
-        let line = line.env("STM32F405_QEMU_COVERAGE", &runs);
-        let counts = title.contains("-p bead-tests ");
-        let line = if counts {
-            line.words("--skip budget::")
-        } else {
-            line
-        };
+    let noted = |Job { title, mut line }: Job| {
+        line = line.env("STM32F405_QEMU_COVERAGE", &runs);
+        // Counts of instructions belong to `test`; they would reach nothing more.
+        if title.contains("-p bead-tests ") {
+            line = line.words("--skip budget::");
+        }
         Job { title, line }
     };
     let passed = suite::run(steps, jobs.into_iter().map(noted).collect())?;
@@ -100,21 +90,17 @@ fn run(steps: &Steps, runs: &Path) -> Result<(), Stop> {
 
 /// The copies of the images as they are built now, each beside the files of its runs. Tests run other images
 /// too, which they change or make.
-fn images(steps: &Steps, runs: &Path) -> Result<Vec<std::path::PathBuf>, Stop> {
+fn images(steps: &Steps, runs: &Path) -> Result<Vec<PathBuf>, Stop> {
     let first = steps.root.join(image::path(steps));
-    let boards = fs::read_dir(steps.target.join("boards"))
-        .into_iter()
-        .flatten()
-        .flatten();
-    let built = boards.map(|entry| entry.path()).chain([first]);
+    let boards = entries(&steps.target.join("boards")).unwrap_or_default();
+    let built = boards.into_iter().chain([first]);
     let built: BTreeSet<_> = built.filter_map(|path| fs::read(path).ok()).collect();
-    let is_image = |path: &std::path::PathBuf| {
+    let is_image = |path: &PathBuf| {
         path.extension().is_some_and(|end| end == "elf")
             && fs::read(path).is_ok_and(|elf| built.contains(&elf))
     };
     let mut found = below(runs, &|_| true).unwrap_or_default();
     found.retain(is_image);
-    found.sort();
     if found.is_empty() {
         return Err(Stop::failed(format!(
             "{} has no run of the image that is built now; `cargo xtask coverage` runs the tests",
@@ -125,15 +111,14 @@ fn images(steps: &Steps, runs: &Path) -> Result<Vec<std::path::PathBuf>, Stop> {
 }
 
 /// The half-words that runs of an image executed, as bits: those of all files beside it with its name.
-fn executed(elf: &Path) -> std::io::Result<Vec<u8>> {
+fn executed(elf: &Path) -> Result<Vec<u8>, Stop> {
     let stem = elf.with_extension("");
     let stem = format!("{}.", stem.file_name().unwrap_or_default().to_string_lossy());
     let mut all = vec![0; FLASH.len() / 16];
-    for entry in fs::read_dir(elf.parent().unwrap_or(elf))? {
-        let path = entry?.path();
+    for path in entries(elf.parent().unwrap_or(elf))? {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         if name.starts_with(&stem) && name.ends_with(".bits") {
-            for (all, byte) in all.iter_mut().zip(fs::read(&path)?) {
+            for (all, byte) in all.iter_mut().zip(bytes(&path)?) {
                 *all |= byte;
             }
         }
@@ -150,23 +135,10 @@ fn is_reached(bits: &[u8], addresses: &Range<u32>) -> bool {
 }
 
 /// Lines, and how many of them were reached.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-struct Sums {
-    lines: usize,
-    reached: usize,
-}
+type Sums = [usize; 2];
 
-impl Sums {
-    fn share(self) -> f64 {
-        self.reached as f64 / self.lines.max(1) as f64
-    }
-
-    fn and(self, other: Self) -> Self {
-        Self {
-            lines: self.lines + other.lines,
-            reached: self.reached + other.reached,
-        }
-    }
+fn share([lines, reached]: Sums) -> f64 {
+    reached as f64 / lines.max(1) as f64
 }
 
 /// The image's own lines and functions, and whether each was reached.
@@ -230,7 +202,7 @@ impl Lines {
             for (line, reached) in lines {
                 let _ = writeln!(text, "DA:{line},{}", u8::from(*reached));
             }
-            let Sums { lines, reached } = sums(lines);
+            let [lines, reached] = sums(lines);
             let _ = writeln!(text, "LF:{lines}\nLH:{reached}\nend_of_record");
         }
         text
@@ -263,22 +235,16 @@ impl Lines {
         let mut packages: BTreeMap<&str, Sums> = BTreeMap::new();
         println!("{:<44} {:>7} {:>7} {:>7}", "file", "lines", "reached", "%");
         let row = |name: &str, sums: Sums| {
-            println!(
-                "{name:<44} {:>7} {:>7} {:>7.1}",
-                sums.lines,
-                sums.reached,
-                100.0 * sums.share()
-            );
+            let ([lines, reached], share) = (sums, 100.0 * share(sums));
+            println!("{name:<44} {lines:>7} {reached:>7} {share:>7.1}");
         };
         for (file, lines) in &self.files {
             let package = file.split_once("/src/").map_or(&**file, |(package, _)| package);
             let package = packages.entry(package).or_default();
-            *package = package.and(sums(lines));
+            *package = and(*package, sums(lines));
             row(file, sums(lines));
         }
-        let all = packages
-            .values()
-            .fold(Sums::default(), |all, sums| all.and(*sums));
+        let all = packages.values().copied().fold([0, 0], and);
         for (package, sums) in packages {
             row(package, sums);
         }
@@ -288,11 +254,11 @@ impl Lines {
 }
 
 fn sums(lines: &BTreeMap<u32, bool>) -> Sums {
-    let reached = lines.values().filter(|reached| **reached).count();
-    Sums {
-        lines: lines.len(),
-        reached,
-    }
+    [lines.len(), lines.values().filter(|reached| **reached).count()]
+}
+
+fn and(one: Sums, other: Sums) -> Sums {
+    [one[0] + other[0], one[1] + other[1]]
 }
 
 /// Ascending numbers, runs of them as `3-5`.
@@ -346,7 +312,7 @@ mod tests {
         );
         // Another image, with the rest.
         lines.add(&code, &[0b0000_1000, 0]);
-        assert_eq!(lines.table(), Sums { lines: 3, reached: 2 });
+        assert_eq!(lines.table(), [3, 2]);
         let lcov = "TN:\nSF:firmware/src/a.rs\nFN:5,dead\nFN:3,own\nFNDA:0,dead\nFNDA:1,own\nFNF:2\nFNH:1\n\
                     DA:3,1\nDA:4,1\nDA:5,0\nLF:3\nLH:2\nend_of_record\n";
         assert_eq!(lines.lcov(), lcov);

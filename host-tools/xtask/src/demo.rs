@@ -1,28 +1,14 @@
 //! Builds of the host tools, and the two demonstrations that run them: one strike, and a row of ten beads.
 
 use crate::image;
-use crate::packages::DEMO;
 use crate::setup::{Need, setup};
 use crate::step::{CommandLine, Steps, Stop};
 
-/// Builds what a demonstration needs.
+/// Builds packages of the host, and beside them the flash image.
 ///
 /// # Errors
 /// Something is missing on this machine, or does not build.
-pub(crate) fn build(steps: &Steps) -> Result<(), Stop> {
-    build_packages(steps, DEMO)
-}
-
-/// Builds all programs.
-///
-/// # Errors
-/// As [`build`].
-pub(crate) fn build_all(steps: &Steps) -> Result<(), Stop> {
-    build_packages(steps, &format!("{DEMO} -p bead-figures"))
-}
-
-/// Builds packages of the host, and beside them the flash image.
-fn build_packages(steps: &Steps, packages: &str) -> Result<(), Stop> {
+pub(crate) fn build(steps: &Steps, packages: &str) -> Result<(), Stop> {
     setup(steps, Need::Run)?;
     let host = CommandLine::new("cargo build --release").words(packages);
     image::build_if_there_is_one(steps)?;
@@ -30,24 +16,15 @@ fn build_packages(steps: &Steps, packages: &str) -> Result<(), Stop> {
 }
 
 /// A command of the `bead` that was built.
-fn bead(steps: &Steps, words: &str) -> CommandLine {
+pub(crate) fn bead(steps: &Steps, words: &str) -> CommandLine {
     CommandLine::program(steps.built("release/bead")).words(words)
 }
 
-/// Demonstrates one strike on one bead.
+/// Demonstrates one strike on one bead, with what is built.
 ///
 /// # Errors
 /// With the status of the `bead` command that failed.
 pub(crate) fn strike(steps: &Steps) -> Result<(), Stop> {
-    build(steps)?;
-    show_strike(steps)
-}
-
-/// As [`strike`], with what is built.
-///
-/// # Errors
-/// As [`strike`].
-pub(crate) fn show_strike(steps: &Steps) -> Result<(), Stop> {
     let scenario = "docs/scenarios/paper-strike.toml";
     let recording = steps.built("demo/bead-8.mcap");
     let report = steps.built("demo/report.html");
@@ -68,20 +45,11 @@ pub(crate) fn show_strike(steps: &Steps) -> Result<(), Stop> {
     Ok(())
 }
 
-/// Demonstrates one strike on a row of ten beads.
+/// Demonstrates one strike on a row of ten beads, with what is built.
 ///
 /// # Errors
 /// As [`strike`].
 pub(crate) fn row(steps: &Steps) -> Result<(), Stop> {
-    build(steps)?;
-    show_row(steps)
-}
-
-/// As [`row`], with what is built.
-///
-/// # Errors
-/// As [`strike`].
-pub(crate) fn show_row(steps: &Steps) -> Result<(), Stop> {
     let folder = steps.built("chain");
     let emulate = bead(
         steps,

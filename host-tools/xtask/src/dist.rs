@@ -4,7 +4,7 @@
 use std::fs;
 use std::path::Path;
 
-use crate::files::{below, write};
+use crate::files::{self, below, cannot, write};
 use crate::setup::find;
 use crate::step::{CommandLine, Steps, Stop};
 use crate::{board_table, boards, supply};
@@ -61,18 +61,7 @@ pub(crate) fn make(steps: &Steps, image: &Path) -> Result<(), Stop> {
     }
 
     let program = packed.join("bead");
-    let copy = |from: &Path, to: &str| {
-        let to = packed.join(to);
-        let made = to.parent().map_or(Ok(()), fs::create_dir_all);
-        let copied = made.and_then(|()| fs::copy(from, &to));
-        copied.map_err(|error| {
-            Stop::failed(format!(
-                "cannot copy {} to {}: {error}",
-                from.display(),
-                to.display()
-            ))
-        })
-    };
+    let copy = |from: &Path, to: &str| files::copy(from, &packed.join(to));
     for (program, _) in PROGRAMS {
         copy(&installed.join("bin").join(program), program)?;
         // A quarter of it are names of functions.
@@ -97,21 +86,19 @@ pub(crate) fn make(steps: &Steps, image: &Path) -> Result<(), Stop> {
         .arg("sha256sum *.elf")
         .within(packed.join("firmware"));
     let sums = steps.read("the SHA-256 of each image", &sums)?;
-    put_text(&packed.join("firmware/SHA256SUMS"), &sums)?;
+    write(&packed.join("firmware/SHA256SUMS"), sums)?;
     let docs = steps.root.join("docs");
-    let pages =
-        below(&docs, &|_| true).map_err(|error| Stop::failed(format!("cannot read docs/: {error}")))?;
+    let pages = below(&docs, &|_| true)?;
     let beside = BESIDE.iter().map(|name| steps.root.join(name));
     for from in beside.chain(pages) {
         let to = from.strip_prefix(&steps.root).unwrap_or(&from);
         copy(&from, &to.display().to_string())?;
     }
-    let put = |to: &str, text: &str| put_text(&packed.join(to), text);
-    put("README.md", README)?;
+    write(&packed.join("README.md"), README)?;
     for (shell, file) in [("bash", "bead"), ("zsh", "_bead"), ("fish", "bead.fish")] {
         let script = CommandLine::program(&program).words("completions").arg(shell);
         let script = steps.read(&format!("completions for {shell}"), &script)?;
-        put(&format!("completions/{file}"), &script)?;
+        write(&packed.join("completions").join(file), script)?;
     }
     steps.run(
         "manual pages",
@@ -120,16 +107,16 @@ pub(crate) fn make(steps: &Steps, image: &Path) -> Result<(), Stop> {
             .arg(packed.join("man/man1")),
     )?;
     supply::release(steps, &packed.join("notices"))?;
-    let archive = root.join(format!("{name}.tar.gz"));
+    let file = format!("{name}.tar.gz");
+    let archive = root.join(&file);
     let pack = CommandLine::new("tar --sort=name --owner=0 --group=0 --numeric-owner -czf")
         .arg(&archive)
         .arg("-C");
     steps.run("the archive", &pack.arg(&root).arg(&name))?;
     // As `sha256sum --check` reads it, beside the archive.
-    let file = format!("{name}.tar.gz");
     let sum = CommandLine::new("sha256sum").arg(&file).within(&root);
     let sum = steps.read("its SHA-256", &sum)?;
-    put_text(&root.join(format!("{file}.sha256")), &sum)?;
+    write(&root.join(format!("{file}.sha256")), sum)?;
 
     try_out(steps, &archive, &name)?;
     let bytes = |path: &Path| fs::metadata(path).map_or(0.0, |found| found.len() as f64 / 1e6);
@@ -140,11 +127,6 @@ pub(crate) fn make(steps: &Steps, image: &Path) -> Result<(), Stop> {
         bytes(&program)
     ));
     Ok(())
-}
-
-fn put_text(to: &Path, text: &str) -> Result<(), Stop> {
-    let failed = |error| Stop::failed(format!("cannot write {}: {error}", to.display()));
-    write(to, text.as_bytes()).map_err(failed)
 }
 
 /// Unpacks the archive into an empty folder and follows its page, with nothing in PATH but QEMU.
@@ -179,10 +161,10 @@ fn try_out(steps: &Steps, archive: &Path, name: &str) -> Result<(), Stop> {
 
 /// The archive, and a folder `path` with QEMU alone.
 fn unpack(steps: &Steps, archive: &Path, folder: &Path) -> Result<(), Stop> {
-    let failed = |error| Stop::failed(format!("cannot make {}: {error}", folder.display()));
-    fs::create_dir_all(folder.join("path")).map_err(failed)?;
+    let path = folder.join("path");
+    files::make(&path)?;
     let qemu = find("qemu-system-arm").ok_or_else(|| Stop::missing("no qemu-system-arm in PATH"))?;
-    std::os::unix::fs::symlink(qemu, folder.join("path/qemu-system-arm")).map_err(failed)?;
+    std::os::unix::fs::symlink(qemu, path.join("qemu-system-arm")).map_err(cannot("make", &path))?;
     let unpack = CommandLine::new("tar -xzf").arg(archive).arg("-C").arg(folder);
     steps.run("unpacked", &unpack)
 }

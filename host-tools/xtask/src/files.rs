@@ -1,19 +1,33 @@
 //! Files: all below a folder, read and written with errors that name them.
 
+use std::fmt::Display;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
 use crate::step::Stop;
 
+/// The error of something that cannot be done to a file or folder.
+pub(crate) fn cannot<E: Display>(action: &str, path: &Path) -> impl Fn(E) -> Stop {
+    move |error| Stop::failed(format!("cannot {action} {}: {error}", path.display()))
+}
+
+/// Whatever is in a folder, in the order of the names.
+pub(crate) fn entries(folder: &Path) -> Result<Vec<PathBuf>, Stop> {
+    let read = || {
+        fs::read_dir(folder)?
+            .map(|entry| Ok(entry?.path()))
+            .collect::<io::Result<Vec<_>>>()
+    };
+    let mut entries = read().map_err(cannot("read", folder))?;
+    entries.sort();
+    Ok(entries)
+}
+
 /// All files below `dir`. A file or folder that `keep` refuses is left out.
-pub(crate) fn below(dir: &Path, keep: &dyn Fn(&Path) -> bool) -> io::Result<Vec<PathBuf>> {
+pub(crate) fn below(dir: &Path, keep: &dyn Fn(&Path) -> bool) -> Result<Vec<PathBuf>, Stop> {
     let mut files = Vec::new();
-    for entry in fs::read_dir(dir)? {
-        let path = entry?.path();
-        if !keep(&path) {
-            continue;
-        }
+    for path in entries(dir)?.into_iter().filter(|path| keep(path)) {
         if path.is_dir() {
             files.extend(below(&path, keep)?);
         } else {
@@ -33,31 +47,43 @@ pub(crate) fn texts(root: &Path, ending: &str) -> Result<Vec<(PathBuf, String)>,
         // Build directories hold the files of others; they are marked so (bford.info/cachedir).
         !name.starts_with('.') && !path.join("CACHEDIR.TAG").exists()
     };
-    let files = below(root, &keep);
-    let files = files.map_err(|error| Stop::failed(format!("{}: {error}", root.display())))?;
-    files
-        .into_iter()
-        .map(|path| Ok((path.clone(), read(&path)?)))
-        .collect()
+    let files = below(root, &keep)?.into_iter();
+    files.map(|path| read(&path).map(|text| (path, text))).collect()
 }
 
 /// The text of a file.
 pub(crate) fn read(path: &Path) -> Result<String, Stop> {
-    fs::read_to_string(path).map_err(|error| Stop::failed(format!("cannot read {}: {error}", path.display())))
+    fs::read_to_string(path).map_err(cannot("read", path))
+}
+
+/// The bytes of a file.
+pub(crate) fn bytes(path: &Path) -> Result<Vec<u8>, Stop> {
+    fs::read(path).map_err(cannot("read", path))
+}
+
+/// Makes a folder and those that it lies in.
+pub(crate) fn make(folder: &Path) -> Result<(), Stop> {
+    fs::create_dir_all(folder).map_err(cannot("make", folder))
 }
 
 /// Writes a file and the folders that it needs, unless its bytes are there already: cargo does not compile a
 /// file again that did not change.
-pub(crate) fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    if fs::read(path).is_ok_and(|old| old == bytes) {
+pub(crate) fn write(path: &Path, text: impl AsRef<[u8]>) -> Result<(), Stop> {
+    if fs::read(path).is_ok_and(|old| old == text.as_ref()) {
         return Ok(());
     }
-    fs::create_dir_all(path.parent().unwrap_or(path))?;
-    fs::write(path, bytes)
+    make(path.parent().unwrap_or(path))?;
+    fs::write(path, text).map_err(cannot("write", path))
+}
+
+/// Copies a file, into folders that are made if they are missing.
+pub(crate) fn copy(from: &Path, to: &Path) -> Result<(), Stop> {
+    make(to.parent().unwrap_or(to))?;
+    fs::copy(from, to).map(drop).map_err(cannot("write", to))
 }
 
 /// Copies the sources: no hidden entries but cargo's, nothing built.
-pub(crate) fn copy_tree(from: &Path, to: &Path) -> std::io::Result<()> {
+pub(crate) fn copy_tree(from: &Path, to: &Path) -> Result<(), Stop> {
     let is_source = |path: &Path| {
         let name = path.file_name().unwrap_or_default();
         let hidden = name.to_string_lossy().starts_with('.') && name != ".cargo";
@@ -65,7 +91,7 @@ pub(crate) fn copy_tree(from: &Path, to: &Path) -> std::io::Result<()> {
     };
     for path in below(from, &is_source)? {
         let goal = to.join(path.strip_prefix(from).unwrap_or(&path));
-        write(&goal, &std::fs::read(path)?)?;
+        write(&goal, bytes(&path)?)?;
     }
     Ok(())
 }
@@ -80,7 +106,7 @@ mod tests {
         let sources = ["src/a.rs", ".cargo/config.toml", "Cargo.lock"];
         let others = ["target/a", ".git/a", "figures/a.svg"];
         for name in sources.iter().chain(&others) {
-            write(&from.path().join(name), b"a").unwrap();
+            write(&from.path().join(name), "a").unwrap();
         }
         copy_tree(from.path(), to.path()).unwrap();
         let there = |name: &&str| to.path().join(name).exists();

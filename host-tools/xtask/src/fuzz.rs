@@ -1,7 +1,8 @@
 //! The fuzz targets of `fuzz/`, by cargo-fuzz.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
+use crate::files;
 use crate::nightly;
 use crate::step::{Steps, Stop};
 
@@ -42,8 +43,7 @@ pub(crate) fn fuzz(steps: &Steps, words: &[&String]) -> Result<(), Stop> {
     for name in &chosen {
         let [learned, found] = ["corpus", "found"].map(|folder| target.join(folder).join(name));
         for folder in [&learned, &found] {
-            std::fs::create_dir_all(folder)
-                .map_err(|error| Stop::failed(format!("cannot make {}: {error}", folder.display())))?;
+            files::make(folder)?;
         }
         // libFuzzer keeps what it learns in the first folder that it is given.
         let mut line = nightly::cargo("fuzz run")
@@ -70,14 +70,15 @@ pub(crate) fn fuzz(steps: &Steps, words: &[&String]) -> Result<(), Stop> {
 
 /// The targets, by their folders of seeds.
 fn targets(root: &Path) -> Result<Vec<String>, Stop> {
-    let corpus = root.join("fuzz/corpus");
-    let unread = |error| Stop::failed(format!("cannot read {}: {error}", corpus.display()));
-    let mut names = Vec::new();
-    for entry in std::fs::read_dir(&corpus).map_err(unread)? {
-        names.push(entry.map_err(unread)?.file_name().to_string_lossy().into_owned());
-    }
-    names.sort();
-    Ok(names)
+    let folders = files::entries(&root.join("fuzz/corpus"))?.into_iter();
+    let name = |folder: PathBuf| {
+        folder
+            .file_name()
+            .unwrap_or_default()
+            .to_string_lossy()
+            .into_owned()
+    };
+    Ok(folders.map(name).collect())
 }
 
 /// A time such as `90s`, `10m` or `1h`, in s.

@@ -8,7 +8,7 @@ use object::read::elf::{ElfFile32, ProgramHeader};
 use crate::packages::IMAGE;
 use crate::setup::TARGET;
 use crate::step::{CommandLine, Steps, Stop};
-use crate::{board_table, paths};
+use crate::{board_table, files, paths};
 
 /// Where cargo puts it.
 pub(crate) fn path(steps: &Steps) -> PathBuf {
@@ -23,8 +23,11 @@ pub(crate) fn build(steps: &Steps) -> Result<(), Stop> {
     paths::leave_out(steps, paths::cargo_home().as_deref())?;
     steps.run("the flash image", &CommandLine::new("cargo build").words(IMAGE))?;
     let first = board_table::names(steps)?.swap_remove(0);
-    sign(&steps.root.join(path(steps)), &first)?;
-    tell_size(steps)
+    let image = path(steps);
+    sign(&steps.root.join(&image), &first)?;
+    let size = Size::of(&steps.root.join(&image))?;
+    steps.announce(&format!("the image {} takes {size}", image.display()));
+    Ok(())
 }
 
 /// The file that names the key that signs images: 64 hexadecimal digits. Without it the development key does,
@@ -37,16 +40,12 @@ const KEY: &str = "BEAD_SIGNING_KEY";
 /// # Errors
 /// There is no such image, or no such key.
 pub(crate) fn sign(image: &Path, board: &str) -> Result<(), Stop> {
-    let cannot = |what: &Path, why: &dyn std::fmt::Display| {
-        Stop::failed(format!("cannot sign the image: {}: {why}", what.display()))
-    };
     let seed = match std::env::var_os(KEY) {
         None => DEVELOPMENT_SEED,
         Some(file) => read_key(Path::new(&file))?,
     };
-    let bytes = std::fs::read(image).map_err(|error| cannot(image, &error))?;
-    let signed = bead_update::file::sign(&bytes, board, env!("CARGO_PKG_VERSION"), &seed);
-    let signed = signed.map_err(|error| cannot(image, &error))?;
+    let signed = bead_update::file::sign(&files::bytes(image)?, board, env!("CARGO_PKG_VERSION"), &seed);
+    let signed = signed.map_err(files::cannot("sign", image))?;
     // Beside it, and then in its place: cargo's own copy is another name of the same file.
     let beside = image.with_extension("signed");
     let put = || {
@@ -58,7 +57,7 @@ pub(crate) fn sign(image: &Path, board: &str) -> Result<(), Stop> {
             .set_modified(modified)?;
         std::fs::rename(&beside, image)
     };
-    put().map_err(|error| cannot(image, &error))
+    put().map_err(files::cannot("sign", image))
 }
 
 /// Prints the public part of the key in a file.
@@ -90,26 +89,19 @@ fn digits(text: &str) -> Option<[u8; 32]> {
     bytes.try_into().ok().filter(|_| text.len() == 64)
 }
 
-fn tell_size(steps: &Steps) -> Result<(), Stop> {
-    let image = path(steps);
-    let size = Size::of(&steps.root.join(&image))?;
-    steps.announce(&format!("the image {} takes {size}", image.display()));
-    Ok(())
-}
-
 /// Start of the core-coupled memory, which is beyond the flash, and of the SRAM.
 const COUPLED: u32 = 0x1000_0000;
 const SRAM: u32 = 0x2000_0000;
 
 /// Memory that an image takes, bytes.
 #[derive(Debug, Default, PartialEq, Eq)]
-pub(crate) struct Size {
+struct Size {
     /// Code, constants and the initial values of variables.
-    pub(crate) flash: u32,
+    flash: u32,
     /// Variables, and buffers that the DMA reaches.
-    pub(crate) sram: u32,
+    sram: u32,
     /// Variables beside the stack.
-    pub(crate) coupled: u32,
+    coupled: u32,
 }
 
 impl Size {
@@ -117,10 +109,9 @@ impl Size {
     ///
     /// # Errors
     /// It cannot be read, or is not a 32-bit ELF file.
-    pub(crate) fn of(path: &Path) -> Result<Size, Stop> {
-        let cannot = |why: String| Stop::failed(format!("{}: {why}", path.display()));
-        let bytes = std::fs::read(path).map_err(|error| cannot(error.to_string()))?;
-        Size::of_elf(&bytes).map_err(|error| cannot(format!("not a 32-bit ELF file ({error})")))
+    fn of(path: &Path) -> Result<Size, Stop> {
+        let size = Size::of_elf(&files::bytes(path)?);
+        size.map_err(files::cannot("read as a 32-bit ELF file", path))
     }
 
     fn of_elf(bytes: &[u8]) -> Result<Size, object::Error> {

@@ -114,7 +114,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let root = folder.path().canonicalize().unwrap();
         for (name, text) in pages {
-            write(&root.join(name), text.as_bytes()).unwrap();
+            write(&root.join(name), text).unwrap();
         }
         let complaint = |stop: Stop| stop.message.replace(&format!("{}/", root.display()), "");
         check(&root).map_err(complaint)

@@ -27,7 +27,10 @@ pub(crate) fn lint(steps: &Steps) -> Result<(), Stop> {
 /// Licences of the packages of others, and the crates as they are published.
 pub(crate) fn supply(steps: &Steps) -> Result<(), Stop> {
     supply::check(steps)?;
-    packages(steps)
+    // crates.io refuses a crate without description or licence, with a dependency that has no version, or
+    // with a readme that is not there.
+    let package = CommandLine::new("cargo package --quiet --no-verify --allow-dirty").words(PUBLISHED);
+    steps.run("the crates as they are published", &package)
 }
 
 /// Checks of text: links, comments and format.
@@ -38,13 +41,6 @@ pub(crate) fn text(steps: &Steps) -> Result<(), Stop> {
     steps.announce("comments");
     style::check(&steps.root)?;
     steps.run("format", &CommandLine::new("cargo fmt --all --check"))
-}
-
-/// Packs the crates for crates.io, which refuses a crate without description or licence, with a dependency
-/// that has no version, or with a readme that is not there.
-fn packages(steps: &Steps) -> Result<(), Stop> {
-    let package = CommandLine::new("cargo package --quiet --no-verify --allow-dirty").words(PUBLISHED);
-    steps.run("the crates as they are published", &package)
 }
 
 /// Lints and documentation of these packages of the host.

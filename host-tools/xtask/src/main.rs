@@ -40,6 +40,7 @@ use std::process::ExitCode;
 
 use clap::{Arg, Command};
 
+use crate::packages::DEMO;
 use crate::setup::{Need, setup};
 use crate::step::{CommandLine, Steps, Stop};
 
@@ -84,14 +85,20 @@ const TASKS: &[XtaskCommand] = &[
         name: "demo",
         about: "Simulate a strike, run the flash image on it in QEMU, replay its samples, compare with the simulation",
         more: "The recording and report.html land in target/demo.",
-        run: TaskFunction::Alone(demo::strike),
+        run: TaskFunction::Alone(|steps| {
+            demo::build(steps, DEMO)?;
+            demo::strike(steps)
+        }),
     },
     XtaskCommand {
         name: "chain",
         about: "Simulate a strike on a row of ten absorbers, run the flash image inside each in QEMU, compare them all",
         more: "It is Fig. 5 of the paper by measurement: what ten beads sense of one strike, on one time, and the energy \
                that their intruders leave. The recording, the pictures and report.html land in target/chain.",
-        run: TaskFunction::Alone(demo::row),
+        run: TaskFunction::Alone(|steps| {
+            demo::build(steps, DEMO)?;
+            demo::row(steps)
+        }),
     },
     XtaskCommand {
         name: "test",
@@ -128,7 +135,7 @@ const TASKS: &[XtaskCommand] = &[
         about: "Measure what a sample costs and what the image takes, and write it into docs/budget.md",
         more: "",
         run: TaskFunction::Alone(|steps| {
-            demo::build(steps)?;
+            demo::build(steps, DEMO)?;
             let measure = CommandLine::new("cargo test --release -p bead-tests --test all budget::")
                 .env("BEAD_NUMBERS_WRITE", "1");
             steps.run("the budget", &measure)
@@ -166,7 +173,7 @@ const TASKS: &[XtaskCommand] = &[
         run: TaskFunction::Alone(|steps| {
             setup(steps, Need::Run)?;
             boards::build_images(steps)?;
-            demo::build(steps)?;
+            demo::build(steps, DEMO)?;
             dist::make(steps, &image::path(steps))
         }),
     },
@@ -258,17 +265,16 @@ fn main() -> ExitCode {
         .subcommands(subcommands)
         .get_matches();
     let done = Steps::start().and_then(|steps| {
-        let chosen = matches.subcommand();
-        let task = TASKS
-            .iter()
-            .find(|task| chosen.is_some_and(|(name, _)| name == task.name));
-        match (task.map(|task| &task.run), chosen) {
-            (Some(TaskFunction::Alone(run)), _) => run(&steps),
-            (Some(TaskFunction::WithWords(run)), Some((_, matches))) => {
+        let Some((name, matches)) = matches.subcommand() else {
+            return Ok(());
+        };
+        match TASKS.iter().find(|task| task.name == name).map(|task| &task.run) {
+            Some(TaskFunction::Alone(run)) => run(&steps),
+            Some(TaskFunction::WithWords(run)) => {
                 let words = matches.get_many::<String>("words").into_iter().flatten();
                 run(&steps, &words.collect::<Vec<_>>())
             }
-            _ => Ok(()),
+            None => Ok(()),
         }
     });
     match done {
@@ -290,7 +296,11 @@ mod tests {
         let fuzz = "`frame` is no target and no time; give one of beads, ";
         let (campaign, mutants) = ("give how many", "give nothing, or one of model");
         for (name, words, why) in [
-            ("build", "feather-f405", "feather-f405 cannot be a bead"),
+            (
+                "build",
+                "feather-f405",
+                "feather-f405 cannot be a bead: PA0, PA1 and PA2 are not connected",
+            ),
             ("build", "weact-f405 boards", "give one board"),
             ("public-key", "", "give the file with the key"),
             (

@@ -12,9 +12,9 @@
 use std::path::Path;
 use std::process::Command;
 
-use crate::files::{copy_tree, read, write};
+use crate::files::{copy_tree, make, read, write};
 use crate::step::{CommandLine, Steps, Stop};
-use crate::tools::{self, Tool};
+use crate::tools;
 
 /// Test that runs all checks of all figures.
 pub(crate) const TEST: &str = "every_check_of_every_figure_passes";
@@ -79,11 +79,6 @@ const PARTS: [(&str, &str, &str, &str); 4] = [
 ];
 /// The least share of changes that compile which the tests notice, in percent.
 const LEAST: usize = 95;
-const CARGO_MUTANTS: Tool = Tool {
-    package: "cargo-mutants",
-    version: "27.1.0",
-    options: "",
-};
 
 /// Makes the mistakes that the words name: none for those of the physics, or a part and perhaps a shard.
 ///
@@ -108,10 +103,9 @@ pub(crate) fn check(steps: &Steps, words: &[&String]) -> Result<(), Stop> {
 /// Changes the code of a part by cargo-mutants.
 fn code(steps: &Steps, part: (&str, &str, &str, &str), shard: &str) -> Result<(), Stop> {
     let (name, package, files, skipped) = part;
-    let program = tools::installed(steps, &CARGO_MUTANTS)?;
+    let program = tools::installed(steps, "cargo-mutants", "27.1.0", "")?;
     let output = steps.target.join("code-mutants").join(name);
-    let made = std::fs::create_dir_all(&output);
-    made.map_err(|error| Stop::failed(format!("cannot make {}: {error}", output.display())))?;
+    make(&output)?;
     // A change that makes a test hang is noticed too. The limit is far from what the tests need on a busy
     // machine. A file of cases that failed once would be tried on every other change.
     let changes = CommandLine::program(program)
@@ -159,13 +153,7 @@ fn is_shard(word: &str) -> bool {
 /// A mutant that no check notices, or that does not fit the source or does not compile.
 fn physics(steps: &Steps) -> Result<(), Stop> {
     let copy = steps.target.join("mutants");
-    let failed = |error| {
-        Stop::failed(format!(
-            "cannot copy the workspace to {}: {error}",
-            copy.display()
-        ))
-    };
-    copy_tree(&steps.root, &copy).map_err(&failed)?;
+    copy_tree(&steps.root, &copy)?;
     steps.announce("without a mistake every check must pass");
     if let Some(broken) = broken_checks(steps, &copy)? {
         let broken = broken.join("; ");
@@ -183,12 +171,12 @@ fn physics(steps: &Steps) -> Result<(), Stop> {
                     "`{from}` does not stand in {file} exactly once; rewrite the mutant"
                 )));
             }
-            write(&path, text.replace(from, to).as_bytes()).map_err(&failed)?;
+            write(&path, text.replace(from, to))?;
         }
         let broken = broken_checks(steps, &copy)?;
         for [file, ..] in changes {
             let sound = read(&steps.root.join(CHAIN).join(file))?;
-            write(&copy.join(CHAIN).join(file), sound.as_bytes()).map_err(&failed)?;
+            write(&copy.join(CHAIN).join(file), sound)?;
         }
         match broken {
             Some(broken) => {

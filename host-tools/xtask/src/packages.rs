@@ -4,6 +4,9 @@
 /// none of them.
 pub(crate) const DEMO: &str = "-p absorber-bead -p stm32f405-qemu";
 
+/// All programs of the host.
+pub(crate) const PROGRAMS: &str = "-p absorber-bead -p stm32f405-qemu -p bead-figures";
+
 /// All but what is built for the part, but the benchmark, which brings other solvers, and but the Python
 /// package, which `cargo xtask wheel` builds.
 pub(crate) const HOST: &str = "--workspace --exclude bead-firmware --exclude bead-loader --exclude stm32f405-qemu-images --exclude stm32f405-qemu-cases \

@@ -22,10 +22,7 @@ pub(crate) const FILE: &str = ".cargo/paths.toml";
 /// # Errors
 /// It cannot be written.
 pub(crate) fn leave_out(steps: &Steps, home: Option<&Path>) -> Result<(), Stop> {
-    let file = steps.root.join(FILE);
-    let text = config(&folders(steps, home));
-    write(&file, text.as_bytes())
-        .map_err(|error| Stop::failed(format!("cannot write {}: {error}", file.display())))
+    write(&steps.root.join(FILE), config(&folders(steps, home)))
 }
 
 /// The folders and what is written instead. Of two that fit, the compiler takes the later one.

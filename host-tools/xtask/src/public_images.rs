@@ -6,7 +6,7 @@ use std::process::Command;
 
 use toml::Table;
 
-use crate::files;
+use crate::files::{copy_tree, read, write};
 use crate::setup::{Need, TARGET, setup};
 use crate::step::{CommandLine, Steps, Stop};
 
@@ -74,9 +74,9 @@ fn copy(steps: &Steps, folder: &Path) -> Result<PathBuf, Stop> {
         .find(|package| package["name"] == "stm32f4xx-hal")
         .and_then(|package| Path::new(package["manifest_path"].as_str()?).parent())
         .ok_or_else(|| Stop::failed("cargo has no stm32f4xx-hal"))?;
-    files::copy_tree(manifest, &hal).map_err(|error| Stop::failed(format!("{}: {error}", hal.display())))?;
-    let whole = files::read(&manifest.join("Cargo.toml"))? + "\n[workspace]\n";
-    write(&hal.join("Cargo.toml"), &whole)?;
+    copy_tree(manifest, &hal)?;
+    let whole = read(&manifest.join("Cargo.toml"))? + "\n[workspace]\n";
+    write(&hal.join("Cargo.toml"), whole)?;
     Ok(hal)
 }
 
@@ -156,11 +156,6 @@ fn words<'a>(table: &'a Table, key: &str) -> Vec<&'a str> {
         .flatten()
         .filter_map(toml::Value::as_str)
         .collect()
-}
-
-fn write(path: &Path, text: &str) -> Result<(), Stop> {
-    files::write(path, text.as_bytes())
-        .map_err(|error| Stop::failed(format!("cannot write {}: {error}", path.display())))
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! A Python with the packages of others, for the tests that open what `bead export` writes, and that combine
 //! what `bead budget` and `bead analyse` print.
 
+use crate::files;
 use crate::step::{CommandLine, Steps, Stop};
 
 /// Its requirements.
@@ -30,8 +31,7 @@ pub(crate) fn setup(steps: &Steps) -> Result<(), Stop> {
         "pandas, polars, xarray, pyuff, mcap, GTC, endaq, lmfit and maturin, some 700 MB",
         &install,
     )?;
-    std::fs::write(steps.root.join(&ready), wanted)
-        .map_err(|error| Stop::failed(format!("cannot write {}: {error}", ready.display())))
+    files::write(&steps.root.join(ready), wanted)
 }
 
 /// As [`setup`]; without network the test that needs it is skipped, and this says so.

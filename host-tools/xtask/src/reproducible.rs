@@ -8,10 +8,10 @@
 
 use std::fs;
 use std::os::unix::fs::symlink;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use crate::step::{CommandLine, Steps, Stop};
-use crate::{board_table, boards, image, paths};
+use crate::{board_table, boards, files, image, paths};
 
 /// Sources that `firmware/build.rs` examines for "-dirty".
 const SOURCES: &str = "Cargo.lock Cargo.toml firmware rust-toolchain.toml .cargo";
@@ -33,8 +33,7 @@ pub(crate) fn check(steps: &Steps) -> Result<(), Stop> {
     let elsewhere = std::env::temp_dir().join(format!("bead's other folder {}", std::process::id()));
     let home = elsewhere.join("another person/.cargo");
     let other = steps.of(elsewhere.join("a clone"));
-    link_entries(&paths::cargo_home().unwrap_or_default(), &home)
-        .map_err(|error| Stop::failed(format!("cannot make {}: {error}", home.display())))?;
+    link_entries(&paths::cargo_home().unwrap_or_default(), &home)?;
     let clone = CommandLine::new("git clone --quiet --shared")
         .arg(&steps.root)
         .arg(&other.root);
@@ -76,9 +75,7 @@ pub(crate) fn check(steps: &Steps) -> Result<(), Stop> {
 
 /// Compares two images for a board, byte by byte. If they differ, both stay where they are, to be looked at.
 fn compare(board: &str, here: &Path, there: &Path) -> Result<(), Stop> {
-    let read =
-        |path: &Path| fs::read(path).map_err(|error| Stop::failed(format!("{}: {error}", path.display())));
-    let (one, other) = (read(here)?, read(there)?);
+    let (one, other) = (files::bytes(here)?, files::bytes(there)?);
     if one == other {
         return Ok(());
     }
@@ -98,11 +95,11 @@ fn compare(board: &str, here: &Path, there: &Path) -> Result<(), Stop> {
 }
 
 /// A folder with links to all that is in another one.
-fn link_entries(from: &Path, to: &PathBuf) -> std::io::Result<()> {
-    fs::create_dir_all(to)?;
-    for entry in fs::read_dir(from)? {
-        let entry = entry?;
-        symlink(entry.path(), to.join(entry.file_name()))?;
+fn link_entries(from: &Path, to: &Path) -> Result<(), Stop> {
+    files::make(to)?;
+    for entry in files::entries(from)? {
+        let link = to.join(entry.file_name().unwrap_or_default());
+        symlink(&entry, link).map_err(files::cannot("make", to))?;
     }
     Ok(())
 }

@@ -264,21 +264,3 @@ impl std::fmt::Display for Version {
         write!(f, "{}.{}", self.0, self.1)
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_plan_tells_new_packages_from_upgraded_and_removed_ones() {
-        // As apt 2.6 simulates it.
-        let plan = AptPlan::parse(
-            "The following packages will be REMOVED:\n  qemu-utils\nRemv qemu-utils [1:10.0.2+ds-2~bpo12+1]\n\
-             Inst qemu-system-data (1:7.2+dfsg-7 Debian:12.15/oldstable [all])\n\
-             Inst libc6 [2.36-9] (2.36-9+deb12u10 Debian:12.15/oldstable [amd64])\n\
-             Conf qemu-system-data (1:7.2+dfsg-7 Debian:12.15/oldstable [all])\n",
-        );
-        let expected = [["qemu-system-data"], ["libc6"], ["qemu-utils"]];
-        assert_eq!([plan.installed, plan.upgraded, plan.removed], expected);
-    }
-}

@@ -26,19 +26,17 @@ pub(crate) const MISSING: u8 = 3;
 const STOPPED: u8 = 0;
 
 impl Stop {
-    pub(crate) fn failed(message: impl Into<String>) -> Self {
+    fn new(message: impl Into<String>, status: u8) -> Self {
         let message = message.into();
-        Stop { message, status: 1 }
+        Stop { message, status }
+    }
+
+    pub(crate) fn failed(message: impl Into<String>) -> Self {
+        Self::new(message, 1)
     }
 
     pub(crate) fn missing(message: impl Into<String>) -> Self {
-        let (message, status) = (message.into(), MISSING);
-        Stop { message, status }
-    }
-
-    fn stopped() -> Self {
-        let (message, status) = ("a step beside this one has failed".to_owned(), STOPPED);
-        Stop { message, status }
+        Self::new(message, MISSING)
     }
 }
 
@@ -175,15 +173,7 @@ impl Steps {
     /// The command cannot be started or ends with another status than 0. The status of a command other than
     /// cargo is passed on: `cargo xtask demo` ends with the status of the `bead` command that failed.
     pub(crate) fn run(&self, title: &str, line: &CommandLine) -> Result<(), Stop> {
-        let mut command = self.command(line)?;
-        self.say(title, line);
-        if !self.beside {
-            command
-                .stdin(Stdio::inherit())
-                .stdout(Stdio::inherit())
-                .stderr(Stdio::inherit());
-        }
-        self.ended(title, line, command.output()).map(drop)
+        self.run_shown(title, line, true).map(drop)
     }
 
     /// As [`Steps::run`]; gives what the command prints on standard output.
@@ -191,13 +181,22 @@ impl Steps {
     /// # Errors
     /// As [`Steps::run`].
     pub(crate) fn read(&self, title: &str, line: &CommandLine) -> Result<String, Stop> {
+        let output = self.run_shown(title, line, false)?;
+        Ok(String::from_utf8_lossy(&output.stdout).into_owned())
+    }
+
+    /// Announces and runs one command. Its standard output is shown, or kept.
+    fn run_shown(&self, title: &str, line: &CommandLine, shown: bool) -> Result<Output, Stop> {
         let mut command = self.command(line)?;
-        self.say(title, line);
+        self.announce(title);
+        eprintln!("          $ {line}");
         if !self.beside {
             command.stderr(Stdio::inherit());
         }
-        let output = self.ended(title, line, command.output())?;
-        Ok(String::from_utf8_lossy(&output.stdout).into_owned())
+        if shown && !self.beside {
+            command.stdin(Stdio::inherit()).stdout(Stdio::inherit());
+        }
+        self.ended(title, line, command.output())
     }
 
     /// Runs one command of many at a time, and says so when it has ended: `tell` makes one line of what it
@@ -267,16 +266,10 @@ impl Steps {
         }
     }
 
-    /// Says what comes next, and the command that does it.
-    fn say(&self, title: &str, line: &CommandLine) {
-        self.announce(title);
-        eprintln!("          $ {line}");
-    }
-
     /// A command in its folder, unless a step beside this one has failed.
     fn command(&self, line: &CommandLine) -> Result<Command, Stop> {
         if self.failed.load(Ordering::Relaxed) {
-            return Err(Stop::stopped());
+            return Err(Stop::new("a step beside this one has failed", STOPPED));
         }
         let mut command = line.command();
         command.current_dir(line.folder.as_ref().unwrap_or(&self.root));
@@ -307,10 +300,10 @@ impl Steps {
             Some(code) if program != "cargo" => u8::try_from(code).unwrap_or(1),
             _ => 1,
         };
-        Err(Stop {
-            message: format!("\"{title}\" failed ({status}). {repeat}"),
-            status: code,
-        })
+        Err(Stop::new(
+            format!("\"{title}\" failed ({status}). {repeat}"),
+            code,
+        ))
     }
 
     /// The time since the first step.

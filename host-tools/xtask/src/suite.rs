@@ -22,6 +22,13 @@ pub(crate) struct Job {
     pub(crate) line: CommandLine,
 }
 
+impl Job {
+    pub(crate) fn new(title: impl Into<String>, line: CommandLine) -> Self {
+        let title = title.into();
+        Self { title, line }
+    }
+}
+
 /// Titles of the longest jobs, longest first. The others take some seconds.
 const LONG: [&str; 7] = [
     "-p bead-tests ",
@@ -58,10 +65,11 @@ fn program(artifact: &str) -> Option<Job> {
         Some("bin") => format!("--bin {name}"),
         _ => "--lib".to_owned(),
     };
-    Some(Job {
-        title: format!("cargo test --release -p {package} {which}"),
-        line: CommandLine::program(executable).within(manifest.parent()?),
-    })
+    let line = CommandLine::program(executable).within(manifest.parent()?);
+    Some(Job::new(
+        format!("cargo test --release -p {package} {which}"),
+        line,
+    ))
 }
 
 /// Runs all jobs, and gives the number of tests that passed.
@@ -148,10 +156,7 @@ mod tests {
 
     #[test]
     fn every_job_runs_and_its_tests_are_counted_but_after_a_failure_none_begins() {
-        let job = |script: &str| Job {
-            title: script.to_owned(),
-            line: CommandLine::new("sh -c").arg(script),
-        };
+        let job = |script: &str| Job::new(script, CommandLine::new("sh -c").arg(script));
         let good = job("echo; echo 'test result: ok. 3 passed; 0 failed'");
         let passed = run(&Steps::start().unwrap(), vec![good.clone(); 20]);
         assert_eq!(passed.unwrap(), 60);

@@ -10,22 +10,11 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use crate::files::{copy_tree, read, write};
+use crate::files::{self, copy_tree, read, write};
 use crate::paths::cargo_home;
 use crate::setup::output;
 use crate::step::{CommandLine, Steps, Stop};
-use crate::tools::{self, Tool};
-
-const CARGO_ABOUT: Tool = Tool {
-    package: "cargo-about",
-    version: "0.9.3",
-    options: "--features cli",
-};
-const CARGO_CYCLONEDX: Tool = Tool {
-    package: "cargo-cyclonedx",
-    version: "0.5.9",
-    options: "",
-};
+use crate::tools;
 
 /// Something that a release carries.
 struct Product {
@@ -156,9 +145,7 @@ fn has_advisories(home: &Path) -> bool {
 /// # Errors
 /// As [`release`].
 pub(crate) fn notices(steps: &Steps) -> Result<(), Stop> {
-    let path = steps.root.join(PAGE);
-    write(&path, page(steps)?.as_bytes())
-        .map_err(|error| Stop::failed(format!("cannot write {}: {error}", path.display())))?;
+    write(&steps.root.join(PAGE), page(steps)?)?;
     release(steps, &steps.target.join("notices"))
 }
 
@@ -168,13 +155,12 @@ pub(crate) fn notices(steps: &Steps) -> Result<(), Stop> {
 /// # Errors
 /// A licence is not allowed by about.toml, or a tool cannot be installed.
 pub(crate) fn release(steps: &Steps, folder: &Path) -> Result<(), Stop> {
-    let about = tools::installed(steps, &CARGO_ABOUT)?;
-    let cyclonedx = tools::installed(steps, &CARGO_CYCLONEDX)?;
-    let failed = |error| Stop::failed(format!("cannot write {}: {error}", folder.display()));
-    std::fs::create_dir_all(folder).map_err(failed)?;
+    let about = tools::installed(steps, "cargo-about", "0.9.3", "--features cli")?;
+    let cyclonedx = tools::installed(steps, "cargo-cyclonedx", "0.5.9", "")?;
+    files::make(folder)?;
     // cargo-cyclonedx writes beside every manifest of a workspace.
     let copy = steps.target.join("notices-tree");
-    copy_tree(&steps.root, &copy).map_err(failed)?;
+    copy_tree(&steps.root, &copy)?;
     for product in &PRODUCTS {
         let manifest = Path::new(product.folder).join("Cargo.toml");
         let mut texts = CommandLine::program(&about)
@@ -196,7 +182,7 @@ pub(crate) fn release(steps: &Steps, folder: &Path) -> Result<(), Stop> {
             .within(&copy);
         steps.run(&format!("the bill of materials of {}", product.name), &bill)?;
         let from = copy.join(product.folder).join("bill.cdx.json");
-        std::fs::copy(from, folder.join(format!("{}.cdx.json", product.name))).map_err(failed)?;
+        files::copy(&from, &folder.join(format!("{}.cdx.json", product.name)))?;
     }
     Ok(())
 }

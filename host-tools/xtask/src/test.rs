@@ -49,8 +49,8 @@ pub(crate) fn test(steps: &Steps) -> Result<(), Stop> {
     let rows = checks::compare(&steps.root.join("docs/checks.md"), &table)?;
     steps.announce(&format!("docs/checks.md tells the same in {rows} lines"));
     demo_is_compiled(steps)?;
-    demo::show_strike(steps)?;
-    demo::show_row(steps)?;
+    demo::strike(steps)?;
+    demo::row(steps)?;
     steps.announce(&format!("all checks pass, after {}", steps.elapsed()));
     Ok(())
 }
@@ -61,11 +61,8 @@ pub(crate) fn programs(steps: &Steps, packages: &str) -> Result<Vec<Job>, Stop> 
     let compile = compile.words("--message-format json-render-diagnostics");
     let built = steps.read("build the host tools and their tests", &compile)?;
     // The program that draws the figures runs their checks as well.
-    let programs = suite::programs(&built).into_iter().map(|job| Job {
-        line: job.line.words("--skip").arg(mutants::TEST),
-        ..job
-    });
-    Ok(programs.collect())
+    let but_figures = |job: Job| Job::new(job.title, job.line.words("--skip").arg(mutants::TEST));
+    Ok(suite::programs(&built).into_iter().map(but_figures).collect())
 }
 
 /// Builds and checks the images, packs the crates, and fetches a Python over the network.
@@ -101,52 +98,43 @@ pub(crate) fn slow_core(steps: &Steps, jobs: &[Job]) -> Vec<Job> {
     let tests = jobs
         .iter()
         .filter(|job| job.title.ends_with("-p bead-tests --test all"));
-    let tests = tests.cloned().map(|Job { title, line }| Job {
-        title: format!("{title} {SPEED_MATTERS}"),
-        line: line.words(SPEED_MATTERS),
-    });
-    let corners = Job {
-        title: "strikers and speeds at the corners of their ranges".to_owned(),
-        line: CommandLine::program(steps.built("release/bead"))
-            .words("proof accuracy docs/scenarios/paper-strike.toml --bead 8 --strikes 2")
-            .words("--radii 0.0045,0.0115 --velocity 0.45,5"),
+    let tests = tests
+        .cloned()
+        .map(|Job { title, line }| Job::new(format!("{title} {SPEED_MATTERS}"), line.words(SPEED_MATTERS)));
+    let corners = "proof accuracy docs/scenarios/paper-strike.toml --bead 8 --strikes 2 --radii 0.0045,0.0115 \
+                   --velocity 0.45,5";
+    let title = "strikers and speeds at the corners of their ranges";
+    let slow = |Job { title, line }: Job| {
+        let title = format!("{title}, on a core half as fast");
+        Job::new(title, line.env("STM32F405_QEMU_SHIFT", "4"))
     };
-    let slow = |job: Job| Job {
-        title: format!("{}, on a core half as fast", job.title),
-        line: job.line.env("STM32F405_QEMU_SHIFT", "4"),
-    };
+    let corners = Job::new(title, demo::bead(steps, corners));
     tests.chain([corners]).map(slow).collect()
 }
 
 fn documented_examples() -> Job {
     let line = CommandLine::new("cargo test --release --doc").words(HOST);
-    Job {
-        title: line.to_string(),
-        line,
-    }
+    Job::new(line.to_string(), line)
 }
 
 /// The rows of docs/doubts.md: no strike is off unless a flag names the cause.
 pub(crate) fn silent_strikes(steps: &Steps) -> Job {
-    Job {
-        title: "strikes that are wrong, and say so".to_owned(),
-        line: CommandLine::program(steps.built("release/bead")).words("proof silent"),
-    }
+    Job::new(
+        "strikes that are wrong, and say so",
+        demo::bead(steps, "proof silent"),
+    )
 }
 
 /// The table of checks that the figures write.
 const TABLE: &str = "figures/checks.md";
 
 fn figures(steps: &Steps) -> Job {
-    Job {
-        title: "the paper's figures, and every check of them".to_owned(),
-        line: CommandLine::program(steps.built("release/bead"))
-            .words("figures --check --overwrite --out")
-            .arg(steps.built("figures"))
-            .words("--table")
-            .arg(steps.built(TABLE))
-            .words("--format json"),
-    }
+    let line = demo::bead(steps, "figures --check --overwrite --out")
+        .arg(steps.built("figures"))
+        .words("--table")
+        .arg(steps.built(TABLE))
+        .words("--format json");
+    Job::new("the paper's figures, and every check of them", line)
 }
 
 /// Fails if the demo would compile anew what the tests have compiled.

@@ -4,23 +4,12 @@ use std::path::PathBuf;
 
 use crate::step::{CommandLine, Steps, Stop};
 
-/// A program of crates.io: its package, the version, and its options for `cargo install`.
-pub(crate) struct Tool {
-    pub(crate) package: &'static str,
-    pub(crate) version: &'static str,
-    pub(crate) options: &'static str,
-}
-
-/// Path of a tool, installed first if it is missing or of another version.
+/// Path of a program of crates.io, installed first if it is missing or of another version. `options` are
+/// those of its `cargo install`.
 ///
 /// # Errors
 /// It does not compile, or there is no network.
-pub(crate) fn installed(steps: &Steps, tool: &Tool) -> Result<PathBuf, Stop> {
-    let Tool {
-        package,
-        version,
-        options,
-    } = tool;
+pub(crate) fn installed(steps: &Steps, package: &str, version: &str, options: &str) -> Result<PathBuf, Stop> {
     let root = steps.built("tools").join(format!("{package}-{version}"));
     let program = root.join("bin").join(package);
     if !steps.root.join(&program).exists() {

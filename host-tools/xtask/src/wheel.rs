@@ -1,7 +1,6 @@
 //! The Python package: its wheel, and a try in an environment that has nothing else.
 
-use std::path::PathBuf;
-
+use crate::files;
 use crate::packages::DEMO;
 use crate::python;
 use crate::step::{CommandLine, Steps, Stop};
@@ -41,7 +40,12 @@ pub(crate) fn wheel(steps: &Steps) -> Result<(), Stop> {
         "an environment without Rust and without anything",
         &CommandLine::new("python3 -m venv --clear").arg(&empty),
     )?;
-    let wheel = only_file(&wheels)?;
+    let [wheel] = &files::entries(&wheels)?[..] else {
+        return Err(Stop::failed(format!(
+            "{} should have one wheel, the one that maturin built",
+            wheels.display()
+        )));
+    };
     let python = steps.root.join(&empty).join("bin/python3");
     let install = CommandLine::program(&python)
         .words("-m pip install --quiet --no-compile")
@@ -61,21 +65,6 @@ pub(crate) fn wheel(steps: &Steps) -> Result<(), Stop> {
     Ok(())
 }
 
-/// The file in a folder that has one.
-fn only_file(folder: &std::path::Path) -> Result<PathBuf, Stop> {
-    let files =
-        std::fs::read_dir(folder).map(|entries| entries.flatten().map(|entry| entry.path()).collect());
-    let files: Vec<PathBuf> = files.unwrap_or_default();
-    match &files[..] {
-        [wheel] => Ok(wheel.clone()),
-        _ => Err(Stop::failed(format!(
-            "{} has {} wheels; it should have the one that maturin built",
-            folder.display(),
-            files.len()
-        ))),
-    }
-}
-
 /// [`wheel`] among the tests; without the Python that it needs it is skipped, and this says so.
 pub(crate) fn job(steps: &Steps) -> Option<Job> {
     if !steps.root.join(steps.built("python/ready")).exists() {
@@ -84,8 +73,6 @@ pub(crate) fn job(steps: &Steps) -> Option<Job> {
     }
     // By its name: the build of the tests may have put another file there than the one that runs.
     let this = format!("release/xtask{}", std::env::consts::EXE_SUFFIX);
-    Some(Job {
-        title: "the Python package".to_owned(),
-        line: CommandLine::program(steps.target.join(this)).words("wheel"),
-    })
+    let line = CommandLine::program(steps.target.join(this)).words("wheel");
+    Some(Job::new("the Python package", line))
 }

@@ -97,14 +97,15 @@ const INSTALL: &str = "apt-get install -q -y --no-remove --no-install-recommends
 #[test]
 fn root_with_apt_gets_qemu_once_and_the_second_run_changes_nothing() {
     let machine = FakeMachine::new();
-    machine.apt_with("");
+    machine.apt_with(r#"echo "Inst libc6 [2.36-9] (2.36-9+deb12u10 Debian:12.15/oldstable [amd64])""#);
     machine.user("0");
     let said = machine.setup(0, &[UPDATE, SIMULATE, INSTALL]);
     let (plan, install) = (
-        said.find("apt installs qemu-system-arm"),
+        said.find("apt installs qemu-system-arm\n"),
         said.find("apt-get install -q"),
     );
     assert!(plan.is_some() && plan < install, "{said}");
+    assert!(said.contains("apt upgrades libc6 for it"), "{said}");
     assert_eq!(machine.setup(0, &[]).lines().count(), 1);
 }
 
