@@ -11,10 +11,8 @@ use crate::text;
 /// # Panics
 /// A bead that was accepted has settings that a bead would refuse, or is not read as it was written.
 pub fn check(bytes: &[u8]) {
-    let Some(text) = text::of(bytes) else { return };
-    let settings = match parse(text, "a.toml") {
-        Ok(read) => read,
-        Err(error) => return text::one_line(&error),
+    let Some(settings) = text::read(bytes, |text| parse(text, "a.toml")) else {
+        return;
     };
     let mut block = [0; BLOCK_MAX];
     let length = settings.encode(&mut block).expect("a block fits");

@@ -11,10 +11,8 @@ use crate::text;
 /// # Panics
 /// A fault that was accepted cannot be provoked, or has no time.
 pub fn check(bytes: &[u8]) {
-    let Some(text) = text::of(bytes) else { return };
-    let faults = match parse(text, "a.toml") {
-        Ok(faults) => faults,
-        Err(error) => return text::one_line(&error),
+    let Some(faults) = text::read(bytes, |text| parse(text, "a.toml")) else {
+        return;
     };
     let mut run = Run::new("no-image");
     run.stimulus = vec![[1, 2, 3, 4]; 1000];

@@ -5,7 +5,7 @@ use bead_recording::protobuf;
 use bead_tables::printable::printable;
 use bead_wire::{Cause, Decoder, Header, Kind, MAX_FRAME, Message, RequestDecoder, VERSION, encode};
 
-use crate::line::{crc, from_cobs, mended, runs};
+use crate::line::{covered, mended, runs};
 
 /// Gives the bytes to all decoders, as they are and with right checksums.
 ///
@@ -19,17 +19,7 @@ pub fn check(bytes: &[u8]) {
 /// Judges a run of bytes by docs/protocol.md: its header, or the reason why it is no frame. The body is not
 /// judged.
 fn verdict(run: &[u8]) -> Result<(Header, u8), Cause> {
-    if run.len() > MAX_FRAME - 2 {
-        return Err(Cause::TooLong);
-    }
-    let payload = from_cobs(run).ok_or(Cause::Cobs)?;
-    let (covered, said) = payload.split_last_chunk::<4>().ok_or(Cause::TooShort)?;
-    if covered.len() < 16 {
-        return Err(Cause::TooShort);
-    }
-    if crc(covered) != *said {
-        return Err(Cause::Crc);
-    }
+    let covered = covered(run, MAX_FRAME, 16)?;
     let version = covered[0];
     if matches!(version, 0 | 2 | 3) {
         return Err(Cause::Version(version));

@@ -9,10 +9,8 @@ use crate::text;
 /// # Panics
 /// A file that is accepted has a limit that nothing can be held against.
 pub fn check(bytes: &[u8]) {
-    let Some(text) = text::of(bytes) else { return };
-    let limits = match Limits::parse(text, "a.toml") {
-        Ok(limits) => limits,
-        Err(error) => return text::one_line(&error),
+    let Some(limits) = text::read(bytes, |text| Limits::parse(text, "a.toml")) else {
+        return;
     };
     assert!(!limits.limits.is_empty());
     limits.limits.iter().for_each(hold);

@@ -4,7 +4,7 @@ use bead_wire::{
     Cause, Key, Lock, MAX_REQUEST, Moment, ReceivedRequest, Request, RequestDecoder, VERSION, encode_request,
 };
 
-use crate::line::{crc, from_cobs, mended, runs};
+use crate::line::{covered, mended, runs};
 
 const UID: [u8; 12] = *b"this bead id";
 const NOW: Moment = Moment { boot: 3, index: 1000 };
@@ -21,15 +21,8 @@ pub fn check(bytes: &[u8]) {
 
 /// Judges a run of bytes by docs/protocol.md, without its body: address, number, version.
 fn verdict(run: &[u8]) -> Result<(u8, u16, u8), Cause> {
-    if run.len() > MAX_REQUEST - 2 {
-        return Err(Cause::TooLong);
-    }
-    let payload = from_cobs(run).ok_or(Cause::Cobs)?;
-    let (covered, said) = payload.split_last_chunk::<4>().ok_or(Cause::TooShort)?;
+    let covered = covered(run, MAX_REQUEST, 5)?;
     let (&[version, _, low, high, address], _) = covered.split_first_chunk().ok_or(Cause::TooShort)?;
-    if crc(covered) != *said {
-        return Err(Cause::Crc);
-    }
     Ok((address, u16::from_le_bytes([low, high]), version))
 }
 

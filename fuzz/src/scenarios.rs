@@ -17,10 +17,8 @@ const STEPS: usize = 8;
 /// A scenario that was accepted is not written as it was read, has no model of finite masses,
 /// stiffnesses and energy, or is struck and nothing finite moves.
 pub fn check(bytes: &[u8]) {
-    let Some(text) = text::of(bytes) else { return };
-    let scenario = match Scenario::from_toml(text, "a.toml") {
-        Ok(scenario) => scenario,
-        Err(error) => return text::one_line(&error),
+    let Some(scenario) = text::read(bytes, |text| Scenario::from_toml(text, "a.toml")) else {
+        return;
     };
     let written = scenario.to_toml();
     let again = Scenario::from_toml(&written, "b.toml").expect("what was written is a scenario");
@@ -28,25 +26,23 @@ pub fn check(bytes: &[u8]) {
     if scenario.chain.beads > BEADS_MOST {
         return;
     }
-    match Model::of(&scenario) {
-        Ok(model) => {
-            for body in 0..model.bodies() {
-                let mass = model.mass(body);
-                assert!(mass.is_finite() && mass > 0.0, "body {body}: {mass} kg");
-            }
-            for contact in (1..=model.contacts()).map(|number| model.contact(number)) {
-                let (stiffness, overlap) = (contact.stiffness, contact.static_overlap);
-                assert!(stiffness.is_finite() && stiffness > 0.0, "{contact:?}");
-                assert!(
-                    overlap.is_finite() && (overlap > 0.0) == (contact.load > 0.0),
-                    "{contact:?}"
-                );
-            }
-            let energy = model.initial_energy();
-            assert!(energy.is_finite() && energy > 0.0, "{energy} J");
-        }
-        Err(error) => return text::one_line(&error),
+    let Some(model) = text::accepted(Model::of(&scenario)) else {
+        return;
+    };
+    for body in 0..model.bodies() {
+        let mass = model.mass(body);
+        assert!(mass.is_finite() && mass > 0.0, "body {body}: {mass} kg");
     }
+    for contact in (1..=model.contacts()).map(|number| model.contact(number)) {
+        let (stiffness, overlap) = (contact.stiffness, contact.static_overlap);
+        assert!(stiffness.is_finite() && stiffness > 0.0, "{contact:?}");
+        assert!(
+            overlap.is_finite() && (overlap > 0.0) == (contact.load > 0.0),
+            "{contact:?}"
+        );
+    }
+    let energy = model.initial_energy();
+    assert!(energy.is_finite() && energy > 0.0, "{energy} J");
     if scenario.chain.beads <= STRUCK_MOST {
         let mut run = Run::new(&scenario, Accuracy::DRAFT).expect("it has been checked");
         strike(&mut run, scenario.duration);

@@ -12,8 +12,6 @@ use bead_testing::Collector;
 
 use crate::line::crc;
 
-/// Bytes before the body, and of the checksum.
-const HEADER: usize = 8;
 /// Scans that the bytes of an input stand for at most.
 const SCANS_MOST: usize = 1500;
 
@@ -30,7 +28,6 @@ pub fn check(bytes: &[u8]) {
     };
     let (block, codes) = bytes.split_at(length);
     let covered = &block[..length - 4];
-    debug_assert!(covered.len() >= HEADER);
     let block = [covered, &crc(covered)].concat();
     let Ok(settings) = Settings::decode(&block) else {
         return;

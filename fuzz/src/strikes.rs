@@ -36,21 +36,6 @@ const ENDS: [u64; 12] = [
     u64::MAX,
 ];
 
-/// Settings of the paper's bead with a window of 288 samples, which has room in an input.
-///
-/// # Panics
-/// The paper's bead has no settings.
-pub fn short_window() -> Settings {
-    let capture = Capture {
-        history: 1.28e-3,
-        length: 1.6e-3,
-        lookback: 0.3e-3,
-        ..Capture::default()
-    };
-    let short = paper_settings().with(|paper| paper.capture = capture);
-    short.expect("the paper's bead has settings")
-}
-
 /// Reads the bytes with right checksums. Each run is received at a time that its last byte gives. The strikes
 /// are looked at once more with sound settings, and with indices at one of the ends.
 ///
@@ -91,10 +76,7 @@ pub fn check(bytes: &[u8]) {
             replayed(&strike);
         }
     }
-    let settings = match bytes.len() % 2 {
-        0 => *SHORT,
-        _ => *USUAL,
-    };
+    let settings = SETTINGS[bytes.len() % 2];
     let moved = moved(all, ENDS[bytes.len() / 2 % ENDS.len()]);
     for mut strike in Strikes::new(moved, GivenSettings::from([(None, settings)])).take(REPLAYED) {
         // With a sample missing, nothing is replayed.
@@ -104,8 +86,17 @@ pub fn check(bytes: &[u8]) {
     }
 }
 
-static SHORT: LazyLock<Settings> = LazyLock::new(short_window);
-static USUAL: LazyLock<Settings> = LazyLock::new(paper_settings);
+/// Settings of the paper's bead: with a window of 288 samples, which has room in an input, and with its own.
+static SETTINGS: LazyLock<[Settings; 2]> = LazyLock::new(|| {
+    let capture = Capture {
+        history: 1.28e-3,
+        length: 1.6e-3,
+        lookback: 0.3e-3,
+        ..Capture::default()
+    };
+    let short = paper_settings().with(|paper| paper.capture = capture);
+    [short.expect("the paper's bead has settings"), paper_settings()]
+});
 
 /// Returns the frames without settings, and with samples that are counted so that the first strike begins at
 /// `first`.

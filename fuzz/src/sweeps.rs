@@ -10,14 +10,9 @@ use crate::text;
 /// # Panics
 /// A plan is not the same after it was written, or a point of it has a row of another width.
 pub fn check(bytes: &[u8]) {
-    let Some(text) = text::of(bytes) else { return };
-    let definition = match Definition::from_toml(text, "a.toml") {
-        Ok(definition) => definition,
-        Err(error) => return text::one_line(&error),
-    };
-    let plan = match Plan::new(definition) {
-        Ok(plan) => plan,
-        Err(error) => return text::one_line(&error),
+    let read = |text: &str| Definition::from_toml(text, "a.toml").and_then(Plan::new);
+    let Some(plan) = text::read(bytes, read) else {
+        return;
     };
     let written = plan.definition().to_toml();
     let again = Definition::from_toml(&written, "b.toml").expect("what was written is a sweep");

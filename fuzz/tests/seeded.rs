@@ -3,6 +3,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
 
+use std::ffi::OsString;
 use std::fs;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
@@ -178,19 +179,12 @@ fn what_must_hold_of_every_input_holds_of_seeds_and_mutations_of_them() {
 #[test]
 fn every_target_has_a_program_and_every_program_a_target() {
     let programs = fs::read_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("targets")).unwrap();
-    let mut programs: Vec<String> = programs
-        .map(|entry| {
-            entry
-                .unwrap()
-                .path()
-                .file_stem()
-                .unwrap()
-                .to_string_lossy()
-                .into_owned()
-        })
-        .collect();
+    let mut programs: Vec<_> = programs.map(|entry| entry.unwrap().file_name()).collect();
     programs.sort();
-    let mut targets: Vec<_> = TARGETS.iter().map(|(name, _)| *name).collect();
-    targets.sort_unstable();
+    let mut targets: Vec<_> = TARGETS
+        .iter()
+        .map(|(name, _)| OsString::from(format!("{name}.rs")))
+        .collect();
+    targets.sort();
     assert_eq!(programs, targets);
 }
