@@ -122,15 +122,8 @@ mod tests {
     use crate::series::{Mark, Series};
 
     fn chart() -> Chart {
-        let points = (0..100)
-            .map(|i| (f64::from(i) * 0.1, (f64::from(i) * 0.2).sin()))
-            .collect();
-        let sensed = Series {
-            name: "sensed".to_owned(),
-            ink: Ink::Sensed,
-            mark: Mark::Line,
-            points,
-        };
+        let points = (0..100).map(|i| (f64::from(i) * 0.1, (f64::from(i) * 0.2).sin()));
+        let sensed = Series::new("sensed", Ink::Sensed, Mark::Line, points);
         let panel = Panel::new("force (N)", vec![sensed]).height(200);
         Chart {
             description: "a \"sine\" & more".to_owned(),
@@ -152,12 +145,8 @@ mod tests {
                 Mark::Rings,
                 Mark::Discs,
             ];
-            let series = chart.panels[0].series[0].clone();
-            let marked = marks.map(|mark| Series {
-                ink,
-                mark,
-                ..series.clone()
-            });
+            let points = &chart.panels[0].series[0].points;
+            let marked = marks.map(|mark| Series::new("", ink, mark, points.clone()));
             chart.panels[0].series.extend(marked);
         }
         let (svg, sheet) = (chart.inline_svg().unwrap(), style());
@@ -207,10 +196,7 @@ mod tests {
         for letters in 1..60 {
             let mut chart = chart();
             let name = "n".repeat(letters);
-            let one = Series {
-                name: name.clone(),
-                ..chart.panels[0].series[0].clone()
-            };
+            let one = Series::new(name.as_str(), Ink::Sensed, Mark::Line, [(0.0, 0.0)]);
             chart.panels[0] = Panel::new("energy (J)", vec![one; 4]).range(0.0, 2e-5);
             let ends = ends(&chart.inline_svg().unwrap(), |_, text| text == name);
             let inside = ends.iter().all(|end| *end <= f64::from(WIDTH));

@@ -227,29 +227,24 @@ impl<'a> ChartFrame<'a> {
             let place = |&(at, value): &(f64, f64)| (self.x.scale.place(at), self.panel.y_scale.place(value));
             let points: Vec<(f64, f64)> = series.points.iter().map(place).collect();
             let pixels = |&(at, value): &(f64, f64)| (x(at), y(value));
-            let stroke = series.stroke();
-            match stroke {
+            // A line has marks only where no line shows a point.
+            let (marked, stroke): (Vec<_>, _) = match series.stroke() {
                 Stroke::Line { width, dashes } => {
                     let pieces = visible(&points, self.x_places, self.y_places);
                     for piece in &pieces {
                         let piece: Vec<(f64, f64)> = piece.iter().map(pixels).collect();
                         canvas.line(&piece, series.ink, width, dashes);
                     }
-                    for point in lone(&points) {
-                        if inside(point.0, self.x_places) && inside(point.1, self.y_places) {
-                            let (glyph, radius) = (Glyph::Disc, width);
-                            canvas.mark(pixels(point), series.ink, Stroke::Filled { glyph, radius });
-                        }
-                    }
                     let last = pieces.last().and_then(|piece| piece.last());
                     ends.extend(last.map(|point| (series, pixels(point).1)));
+                    let (glyph, radius) = (Glyph::Disc, width);
+                    (lone(&points).collect(), Stroke::Filled { glyph, radius })
                 }
-                _ => {
-                    for point in &points {
-                        if inside(point.0, self.x_places) && inside(point.1, self.y_places) {
-                            canvas.mark(pixels(point), series.ink, stroke);
-                        }
-                    }
+                stroke => (points.iter().collect(), stroke),
+            };
+            for point in marked {
+                if inside(point.0, self.x_places) && inside(point.1, self.y_places) {
+                    canvas.mark(pixels(point), series.ink, stroke);
                 }
             }
         }

@@ -86,15 +86,12 @@ pub(super) fn drawing_style() -> String {
 /// The style sheet of a page with charts: that of its charts, and the colours as CSS variables for the rest
 /// of the page.
 pub fn style() -> String {
-    let variable = |name: &str, value: &str| format!("--{name}:{value};");
     let light: String = COLOURS
-        .iter()
-        .map(|(name, light, _)| variable(name, light))
-        .collect();
+        .map(|(name, light, _)| format!("--{name}:{light};"))
+        .concat();
     let dark: String = COLOURS
-        .iter()
-        .map(|(name, _, dark)| variable(name, dark))
-        .collect();
+        .map(|(name, _, dark)| format!("--{name}:{dark};"))
+        .concat();
     let drawings = drawing_style();
     format!(":root{{{light}}}@media (prefers-color-scheme:dark){{:root{{{dark}}}}}{drawings}")
 }

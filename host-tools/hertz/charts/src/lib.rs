@@ -25,5 +25,5 @@ pub use ink::{FAMILY, Ink, style};
 pub use map::Map;
 pub use panel::{Axis, Panel};
 pub use plate::Plate;
-pub use scale::Scale;
+pub use scale::{Scale, ends};
 pub use series::{Mark, Series};

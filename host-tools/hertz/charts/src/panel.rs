@@ -178,12 +178,8 @@ mod tests {
             (5.0, (4.0, 6.0)),
             (1e30, (0.999e30, 1.001e30)),
         ] {
-            let series = Series {
-                name: String::new(),
-                ink: Ink::Guide,
-                mark: Mark::Discs,
-                points: vec![(0.0, value), (1.0, value)],
-            };
+            let points = [(0.0, value), (1.0, value)];
+            let series = Series::new("", Ink::Guide, Mark::Discs, points);
             let (low, high) = Panel::new(String::new(), vec![series]).y_places((0.0, 1.0));
             let close = |found: f64, expected: f64| (found - expected).abs() <= 1e-12 * value;
             assert!(close(low, range.0) && close(high, range.1), "{low} {high}");

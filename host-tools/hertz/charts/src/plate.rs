@@ -88,12 +88,7 @@ mod tests {
     use crate::{Axis, Mark, Panel, Series};
 
     fn chart(height: u32) -> Chart {
-        let series = Series {
-            name: String::new(),
-            ink: Ink::Curve(0),
-            mark: Mark::Line,
-            points: vec![(0.0, 0.0), (1.0, 1.0)],
-        };
+        let series = Series::new("", Ink::Curve(0), Mark::Line, [(0.0, 0.0), (1.0, 1.0)]);
         let panel = Panel::new("y", vec![series]).height(height);
         Chart::new(Axis::new("x", 0.0..1.0), vec![panel])
     }

@@ -15,8 +15,8 @@ pub enum Scale {
 }
 
 impl Scale {
-    /// The place of a value on the axis.
-    pub(super) fn place(self, value: f64) -> f64 {
+    /// The place of a value on an axis of this scale, in a length of its own.
+    pub fn place(self, value: f64) -> f64 {
         match self {
             Self::Linear | Self::Count => value,
             Self::Log => value.log10(),
@@ -25,7 +25,7 @@ impl Scale {
 }
 
 /// The least and the greatest finite value; infinite, and the greater first, if there is none.
-pub(super) fn ends(values: impl Iterator<Item = f64>) -> (f64, f64) {
+pub fn ends(values: impl Iterator<Item = f64>) -> (f64, f64) {
     let wider = |(low, high): (f64, f64), value: f64| (low.min(value), high.max(value));
     let finite = values.filter(|value| value.is_finite());
     finite.fold((f64::INFINITY, f64::NEG_INFINITY), wider)

@@ -75,6 +75,21 @@ pub(super) enum Stroke {
 }
 
 impl Series {
+    /// A curve with these points; an empty name for none.
+    pub fn new(
+        name: impl Into<String>,
+        ink: Ink,
+        mark: Mark,
+        points: impl IntoIterator<Item = (f64, f64)>,
+    ) -> Self {
+        Self {
+            name: name.into(),
+            ink,
+            mark,
+            points: points.into_iter().collect(),
+        }
+    }
+
     pub(super) fn stroke(&self) -> Stroke {
         let line = |width, dashes| Stroke::Line { width, dashes };
         let filled = |glyph, radius| Stroke::Filled { glyph, radius };
