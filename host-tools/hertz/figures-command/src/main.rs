@@ -130,11 +130,8 @@ fn list(plans: &[FigurePlan], format: Format) -> Result<(), Failure> {
 }
 
 fn verdict(outcomes: &[FigureOutcome], check: bool) -> Result<(), Failure> {
-    let failed: Vec<&str> = outcomes
-        .iter()
-        .filter(|outcome| !outcome.pass)
-        .map(|outcome| outcome.name)
-        .collect();
+    let failed = outcomes.iter().filter(|outcome| !outcome.pass);
+    let failed: Vec<&str> = failed.map(|outcome| outcome.name).collect();
     if !check || failed.is_empty() {
         return Ok(());
     }

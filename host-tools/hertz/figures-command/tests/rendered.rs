@@ -31,12 +31,7 @@ fn assert_light(name: &str, svg: &str, colours: usize) {
 
 fn curve(number: usize, mark: Mark) -> Series {
     let points = (0..50).map(|x| (f64::from(x), f64::from(x * x) / (number + 1) as f64));
-    Series {
-        name: format!("curve {number}"),
-        ink: Ink::Curve(number),
-        mark,
-        points: points.collect(),
-    }
+    Series::new(format!("curve {number}"), Ink::Curve(number), mark, points)
 }
 
 #[test]

@@ -2,35 +2,11 @@
 
 use crate::error::Error;
 use crate::plan::FigurePlan;
-use crate::plates::{
-    bands, beyond, collision, contacts, diatomic, driven, fig_a2_a3, fig_a4, fig_a5_a6, fig2, fig3, fig4,
-    fig5, fig6, fig7, meeting, periodic, protection, shaken,
-};
+use crate::plates::PLATES;
 
 /// Every figure, in the paper's order.
 pub fn catalogue() -> Vec<FigurePlan> {
-    [
-        fig2::PLANS,
-        fig3::PLANS,
-        fig4::PLANS,
-        fig5::PLANS,
-        fig6::PLANS,
-        fig7::PLANS,
-        shaken::PLANS,
-        fig_a2_a3::PLANS,
-        fig_a4::PLANS,
-        fig_a5_a6::PLANS,
-        collision::PLANS,
-        beyond::PLANS,
-        bands::PLANS,
-        driven::PLANS,
-        diatomic::PLANS,
-        periodic::PLANS,
-        contacts::PLANS,
-        meeting::PLANS,
-        protection::PLANS,
-    ]
-    .concat()
+    PLATES.concat()
 }
 
 /// The figures of these names, in the paper's order; every figure if no name is given. `6` stands for all of
@@ -64,33 +40,22 @@ mod tests {
         let lab = Lab::default();
         let mut failed = Vec::new();
         for plan in catalogue() {
+            let name = plan.name;
             let figure = match plan.draw(&lab) {
                 Ok(figure) => figure,
                 Err(error) => {
-                    failed.push(format!(
-                        "{}: cannot be drawn: {error}, expected a figure",
-                        plan.name
-                    ));
+                    failed.push(format!("{name}: cannot be drawn: {error}, expected a figure"));
                     continue;
                 }
             };
-            assert!(!figure.checks.is_empty(), "figure {} checks nothing", plan.name);
+            assert!(!figure.checks.is_empty(), "figure {name} checks nothing");
             for check in figure.checks.iter().filter(|check| !check.pass) {
-                failed.push(format!(
-                    "{}: {} is {}, expected {}",
-                    plan.name,
-                    check.what,
-                    chapter::number(check.value),
-                    chapter::expectation(check)
-                ));
+                let (value, expected) = (chapter::number(check.value), chapter::expectation(check));
+                failed.push(format!("{name}: {} is {value}, expected {expected}", check.what));
             }
         }
-        assert!(
-            failed.is_empty(),
-            "{} checks fail:\n{}",
-            failed.len(),
-            failed.join("\n")
-        );
+        let (count, list) = (failed.len(), failed.join("\n"));
+        assert!(failed.is_empty(), "{count} checks fail:\n{list}");
     }
 
     #[test]

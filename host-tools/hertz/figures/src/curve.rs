@@ -11,36 +11,22 @@ const POINTS: usize = 900;
 
 /// A curve of a family.
 pub(crate) fn line(name: impl Into<String>, place: usize, points: Vec<(f64, f64)>) -> Series {
-    Series {
-        name: name.into(),
-        ink: Ink::Curve(place),
-        mark: Mark::Line,
-        points,
-    }
+    Series::new(name, Ink::Curve(place), Mark::Line, points)
 }
 
 /// A curve of a family whose dashes tell it apart from the others.
 pub(crate) fn told_apart(name: impl Into<String>, place: usize, points: Vec<(f64, f64)>) -> Series {
-    Series {
-        mark: Mark::Family(place),
-        ..line(name, place, points)
-    }
+    Series::new(name, Ink::Curve(place), Mark::Family(place), points)
 }
 
 /// A dashed curve of a family.
 pub(crate) fn dashed(name: impl Into<String>, place: usize, points: Vec<(f64, f64)>) -> Series {
-    Series {
-        mark: Mark::Dashed,
-        ..line(name, place, points)
-    }
+    Series::new(name, Ink::Curve(place), Mark::Dashed, points)
 }
 
 /// Points of a family, one for each run.
 pub(crate) fn discs(name: impl Into<String>, place: usize, points: Vec<(f64, f64)>) -> Series {
-    Series {
-        mark: Mark::Discs,
-        ..line(name, place, points)
-    }
+    Series::new(name, Ink::Curve(place), Mark::Discs, points)
 }
 
 /// A curve of a family with a disc at each point.
@@ -50,10 +36,7 @@ pub(crate) fn dotted(name: impl Into<String>, place: usize, points: Vec<(f64, f6
 
 /// A level or a place for comparison.
 pub(crate) fn guide(name: impl Into<String>, points: Vec<(f64, f64)>) -> Series {
-    Series {
-        ink: Ink::Guide,
-        ..dashed(name, 0, points)
-    }
+    Series::new(name, Ink::Guide, Mark::Dashed, points)
 }
 
 /// `value` of a run over `span` (s), against time in ms.

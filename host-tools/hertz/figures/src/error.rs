@@ -1,6 +1,6 @@
 //! Why a figure is not drawn.
 
-use hertz_chain::{FitError, OptimiseError, PeriodicError, SimulateError};
+use hertz_chain::{FitError, InputError, OptimiseError, PeriodicError, SimulateError};
 
 /// Why a figure is not drawn.
 #[derive(Debug, thiserror::Error)]
@@ -13,6 +13,9 @@ pub enum Error {
         /// The names that exist, in one line.
         known: String,
     },
+    /// A scenario cannot be used.
+    #[error(transparent)]
+    Scenario(#[from] InputError),
     /// A simulation did not reach its end.
     #[error(transparent)]
     Simulation(#[from] SimulateError),

@@ -17,30 +17,24 @@ pub(crate) struct FigureRun {
     pub(crate) summary: Summary,
 }
 
-/// How well the conservation laws held in the runs of a figure.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct WorstErrors {
-    /// Number of runs.
-    pub(crate) runs: usize,
-    /// Greatest error of the energy balance, as a part of the striker's energy.
+/// How well the conservation laws held in a run, or in the worst of several.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct LawErrors {
+    /// Error of the energy balance, as a part of the striker's energy.
     pub(crate) balance: f64,
-    /// Greatest error of the momentum, as a part of the striker's.
+    /// Error of the momentum, as a part of the striker's.
     pub(crate) momentum: f64,
 }
 
-#[derive(Clone)]
-struct KeptResult {
-    value: Arc<dyn Any + Send + Sync>,
-    balance: f64,
-    momentum: f64,
-}
+/// A result that was made of a run, and how well the laws held in the run.
+type KeptResult = (Arc<dyn Any + Send + Sync>, LawErrors);
 
 /// Runs scenarios and keeps their results.
 #[derive(Default)]
 pub struct Lab {
     kept: Mutex<HashMap<String, KeptResult>>,
-    /// Errors of energy balance and momentum of the runs that the current figure has used.
-    used: Mutex<HashMap<String, (f64, f64)>>,
+    /// Errors of the runs that the current figure has used.
+    used: Mutex<HashMap<String, LawErrors>>,
 }
 
 impl std::fmt::Debug for Lab {
@@ -60,15 +54,13 @@ impl Lab {
         lock(&self.used).clear();
     }
 
-    /// How well the conservation laws held in the runs of the current figure; none if it used no run.
-    pub(crate) fn worst(&self) -> Option<WorstErrors> {
+    /// The number of runs of the current figure, and how well the laws held in the worst; none if it used no
+    /// run.
+    pub(crate) fn worst(&self) -> Option<(usize, LawErrors)> {
         let used = lock(&self.used);
-        let worst = |of: fn(&(f64, f64)) -> f64| used.values().map(of).fold(0.0, f64::max);
-        (!used.is_empty()).then(|| WorstErrors {
-            runs: used.len(),
-            balance: worst(|errors| errors.0),
-            momentum: worst(|errors| errors.1),
-        })
+        let worst = |of: fn(&LawErrors) -> f64| used.values().map(of).fold(0.0, f64::max);
+        let (balance, momentum) = (worst(|errors| errors.balance), worst(|errors| errors.momentum));
+        (!used.is_empty()).then_some((used.len(), LawErrors { balance, momentum }))
     }
 
     /// The whole motion of a scenario.
@@ -89,25 +81,22 @@ impl Lab {
         let key = format!("{tag} {scenario_text}");
         // The lock is not held while the scenario runs, so that other scenarios run at the same time.
         let found = lock(&self.kept).get(&key).cloned();
-        let kept = match found {
+        let (value, errors) = match found {
             Some(kept) => kept,
             None => {
                 let solution = simulate(scenario)?;
-                let run = FigureRun {
-                    summary: solution.summary(),
-                    solution,
+                let summary = solution.summary();
+                let errors = LawErrors {
+                    balance: summary.energy.balance_error,
+                    momentum: momentum_error(&solution),
                 };
-                let kept = KeptResult {
-                    balance: run.summary.energy.balance_error,
-                    momentum: momentum_error(&run.solution),
-                    value: Arc::new(reduce(run)),
-                };
+                let kept: KeptResult = (Arc::new(reduce(FigureRun { solution, summary })), errors);
                 lock(&self.kept).insert(key.clone(), kept.clone());
                 kept
             }
         };
-        lock(&self.used).insert(key, (kept.balance, kept.momentum));
-        Ok(kept.value.downcast().expect("a tag names one kind of result"))
+        lock(&self.used).insert(key, errors);
+        Ok(value.downcast().expect("a tag names one kind of result"))
     }
 }
 

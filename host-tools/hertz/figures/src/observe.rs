@@ -8,11 +8,9 @@ use crate::lab::FigureRun;
 
 /// Greatest force of a contact, N; 0 if it carried no force.
 pub(crate) fn peak(run: &FigureRun, contact: usize) -> f64 {
-    let peaks = &run.summary.peak_force;
-    peaks
-        .iter()
-        .find(|peak| peak.contact == contact)
-        .map_or(0.0, |peak| peak.force)
+    let mut peaks = run.summary.peak_force.iter();
+    let peak = peaks.find(|peak| peak.contact == contact);
+    peak.map_or(0.0, |peak| peak.force)
 }
 
 /// The pulses at a contact that reach a twentieth of the strongest, in the order of their arrival.
@@ -86,6 +84,12 @@ pub(crate) fn ordinates(points: &[(f64, f64)]) -> Vec<f64> {
 /// The greatest ordinate of a curve.
 pub(crate) fn greatest(points: &[(f64, f64)]) -> f64 {
     ordinates(points).into_iter().fold(f64::NEG_INFINITY, f64::max)
+}
+
+/// The greatest ordinate of a curve where its abscissa is in a range; 0 if none is greater.
+pub(crate) fn greatest_within(points: &[(f64, f64)], range: Range<f64>) -> f64 {
+    let inside = points.iter().filter(|point| range.contains(&point.0));
+    inside.map(|point| point.1).fold(0.0, f64::max)
 }
 
 /// The last ordinate of a curve.

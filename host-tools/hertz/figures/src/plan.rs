@@ -116,10 +116,10 @@ impl FigurePlan {
         lab.begin();
         let mut figure = (self.draw)(lab)?;
         figure.chart.description = format!("Figure {}: {}", self.name, self.title);
-        if let Some(worst) = lab.worst() {
-            let runs = if worst.runs == 1 { "run" } else { "runs" };
+        if let Some((count, worst)) = lab.worst() {
+            let runs = if count == 1 { "run" } else { "runs" };
             let law = |law: &'static str, off: f64, bound: f64| {
-                let what = format!("{law}, worst of {} {runs}", worst.runs);
+                let what = format!("{law}, worst of {count} {runs}");
                 FigureCheck::at_most(what, "", off, bound).of_law(law)
             };
             let energy = "energy balance as a part of the striker's energy";

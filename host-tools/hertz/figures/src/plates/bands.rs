@@ -6,7 +6,7 @@ use std::f64::consts::PI;
 use hertz_chain::{Accuracy, Bands, Dispersion, Intruder, Run, Scenario, Signal, Spectrum, Start};
 use rayon::prelude::*;
 
-use crate::check::{FigureCheck, checks};
+use crate::check::checks;
 use crate::curve::{discs, guide, line};
 use crate::error::Error;
 use crate::lab::Lab;
@@ -21,8 +21,9 @@ plans! {
 }
 
 const BEADS: usize = 200;
-/// Static loads, N, and for each the edges: acoustic top, end of the gap, optical top, Hz. Roots of the
-/// quartic by a program with 50 digits.
+/// Edges of the bands.
+pub(super) const EDGES: [&str; 3] = ["acoustic top", "end of the gap", "optical top"];
+/// Static loads, N, and for each the [`EDGES`], Hz. Roots of the quartic by a program with 50 digits.
 pub(super) const LOADS: [(f64, [f64; 3]); 3] = [
     (1.0, [1185.387193, 1707.549143, 1773.287007]),
     (10.0, [1517.772748, 1707.549143, 2032.821189]),
@@ -130,7 +131,7 @@ fn bands(_: &Lab) -> Result<Figure, Error> {
         .into_par_iter()
         .map(|(load, edges)| {
             let scenario = scenario(load);
-            let dispersion = Dispersion::of(&scenario).map_err(hertz_chain::SimulateError::from)?;
+            let dispersion = Dispersion::of(&scenario)?;
             let (modes, balance) = ring(&scenario, &dispersion.bands())?;
             Ok((load, edges, dispersion, modes, balance))
         })
@@ -143,22 +144,11 @@ fn bands(_: &Lab) -> Result<Figure, Error> {
             [Some(bands.acoustic_top), bands.gap_end, bands.optical_top].map(|edge| edge.unwrap_or(f64::NAN));
         let (first, last) = (&modes[0], &modes[MODES.len() - 1]);
         let rung = [last.acoustic.unwrap_or(f64::NAN), first.optical, last.optical];
-        let names = ["acoustic top", "end of the gap", "optical top"];
-        for ((name, edge), (found, rung)) in names.iter().zip(edges).zip(found.into_iter().zip(rung)) {
-            checks.push(FigureCheck::close(
-                format!("{name} at {load} N"),
-                "Hz",
-                found,
-                edge,
-                1e-6,
-            ));
-            checks.push(FigureCheck::close(
-                format!("{name} at {load} N, on 200 beads"),
-                "Hz",
-                rung,
-                edge,
-                1e-4,
-            ));
+        for ((name, edge), (found, rung)) in EDGES.iter().zip(edges).zip(found.into_iter().zip(rung)) {
+            checks.extend(checks![
+                "{name} at {load} N", "Hz": found => close(edge, 1e-6);
+                "{name} at {load} N, on 200 beads", "Hz": rung => close(edge, 1e-4);
+            ]);
         }
         worst = worst.max(balance);
         let mut points = Vec::new();

@@ -2,11 +2,11 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use hertz_chain::{ContactLaw, Material, Model, PowerLaw, Scenario, Striker, simulate};
+use hertz_chain::{ContactLaw, Model, PowerLaw, Scenario, Striker, simulate};
 use hertz_charts::{Axis, Panel};
 use rayon::prelude::*;
 
-use crate::check::{FigureCheck, checks};
+use crate::check::checks;
 use crate::curve::{guide, line};
 use crate::error::Error;
 use crate::lab::{FigureRun, Lab};
@@ -34,9 +34,7 @@ fn law(exponent: f64) -> PowerLaw {
 /// A row of equal beads that the first strikes.
 fn scenario(beads: usize, exponent: f64, speed: f64, duration: f64) -> Scenario {
     let mut scenario = strike(beads, ELASTIC, duration);
-    let chain = &scenario.chain;
-    let material = Material::new(chain.density, chain.young, chain.poisson);
-    scenario.striker = Striker::new(chain.radius, material, speed);
+    scenario.striker = Striker::new(scenario.chain.radius, scenario.chain.material(), speed);
     scenario.contact = Some(ContactLaw::power(exponent, law(exponent).stiffness));
     scenario
 }
@@ -51,7 +49,7 @@ struct Meeting {
 
 fn meet(exponent: f64, speed: f64) -> Result<Meeting, Error> {
     let mut scenario = scenario(1, exponent, speed, 1.0);
-    let model = Model::of(&scenario).map_err(hertz_chain::SimulateError::from)?;
+    let model = Model::of(&scenario)?;
     let expected = law(exponent).contact_time(0.5 * model.mass(1), speed);
     scenario.duration = 1.5 * expected;
     let solution = simulate(&scenario)?;
@@ -132,10 +130,8 @@ fn contacts(lab: &Lab) -> Result<Figure, Error> {
         .collect::<Result<Vec<_>, Error>>()?;
     for (exponent, met) in met {
         let time = met.iter().map(|met| (met.time - 1.0).abs()).fold(0.0, f64::max);
-        let force = met
-            .iter()
-            .map(|one| (one.force / met[0].force - 1.0).abs())
-            .fold(0.0, f64::max);
+        let force = met.iter().map(|one| (one.force / met[0].force - 1.0).abs());
+        let force = force.fold(0.0, f64::max);
         checks.extend(checks![
             "time of contact of two bodies from the closed form, n = {exponent}": time => at_most(1e-10);
             "force of two bodies from the power of their speed, n = {exponent}": force => at_most(1e-11);
@@ -146,27 +142,21 @@ fn contacts(lab: &Lab) -> Result<Figure, Error> {
         let run = lab.run(&scenario(60, exponent, 0.45, 0.02))?;
         let (width, shape) = wave(&run, exponent)?;
         let long = law(exponent).wave_width();
-        checks.push(if exponent < 3.0 {
-            let what = format!("width of the solitary wave from the closed form, n = {exponent}");
-            FigureCheck::close(what, "beads", width, long, 0.05)
+        checks.extend(if exponent < 3.0 {
+            checks!["width of the solitary wave from the closed form, n = {exponent}", "beads": width => close(long, 0.05);]
         } else {
             // The wave is no longer long: an independent program has 1.0727 times the closed form.
-            let what = format!("width of the solitary wave by an independent program, n = {exponent}");
-            FigureCheck::close(what, "beads", width, 1.0727 * long, 1e-3)
+            checks![
+                "width of the solitary wave by an independent program, n = {exponent}", "beads":
+                    width => close(1.0727 * long, 1e-3);
+            ]
         });
         curves.push(line(format!("n = {exponent}"), place, shape));
         let points = distances().map(|distance| (distance, long_wave(exponent, distance)));
-        curves.push(guide(
-            if place == 0 { "long waves" } else { "" },
-            points.collect(),
-        ));
+        let name = if place == 0 { "long waves" } else { "" };
+        curves.push(guide(name, points.collect()));
     }
-    let panel = Panel::new("overlap over its peak", curves)
-        .range(0.0, 1.05)
-        .height(300);
-    Ok(Figure::over(
-        Axis::new("distance from the peak (beads)", -3.0..3.0),
-        vec![panel],
-        checks,
-    ))
+    let panel = Panel::new("overlap over its peak", curves).range(0.0, 1.05);
+    let axis = Axis::new("distance from the peak (beads)", -3.0..3.0);
+    Ok(Figure::over(axis, vec![panel.height(300)], checks))
 }

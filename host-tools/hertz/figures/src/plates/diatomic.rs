@@ -3,7 +3,7 @@
 use std::f64::consts::{PI, TAU};
 
 use hertz_chain::{
-    Dispersion, Drive, DriveQuantity, Model, PeriodicState, Scenario, Section, SimulateError, Wall,
+    Chain, Dispersion, Drive, DriveQuantity, Material, Model, PeriodicState, Scenario, Section, Striker, Wall,
 };
 use hertz_charts::{Axis, Panel};
 
@@ -12,7 +12,6 @@ use crate::curve::{discs, guide, line};
 use crate::error::Error;
 use crate::lab::Lab;
 use crate::plan::{Figure, plans};
-use crate::setting::{ELASTIC, strike};
 
 plans! {
     "diatomic": "frequencies of linear waves in a chain of steel and aluminium against their wave number, and modes of 80 beads";
@@ -28,17 +27,15 @@ const AMPLITUDE: f64 = 1e-13;
 
 /// The chain of arXiv:0911.2817 between a piston and a wall.
 fn scenario() -> Scenario {
-    let mut scenario = strike(BEADS, ELASTIC, 1e-3);
-    let chain = &mut scenario.chain;
-    (chain.radius, chain.precompression) = (9.53e-3, 20.0);
-    (chain.density, chain.young, chain.poisson) = (7955.0, 193e9, 0.3);
+    let mut chain = Chain::new(BEADS, 9.53e-3, Material::new(7955.0, 193e9, 0.3));
+    chain.precompression = 20.0;
+    let aluminium = Material::new(2689.0, 73.5e9, 0.33);
+    let piston = Striker::new(chain.radius, aluminium, 0.0);
+    let mut scenario = Scenario::new(1e-3, chain, piston);
     let mut light = Section::of((2..=BEADS).step_by(2));
     (light.density, light.young, light.poisson) = (Some(2689.0), Some(73.5e9), Some(0.33));
     scenario.sections = vec![light];
-    let striker = &mut scenario.striker;
-    (striker.radius, striker.density, striker.velocity) = (9.53e-3, 2689.0, 0.0);
-    (striker.young, striker.poisson) = (73.5e9, 0.33);
-    scenario.wall = Some(Wall::flat(scenario.striker.material()));
+    scenario.wall = Some(Wall::flat(aluminium));
     scenario.drive = Some(Drive::sine(DriveQuantity::Displacement, AMPLITUDE, FAST));
     scenario
 }
@@ -57,9 +54,9 @@ fn modes(state: &PeriodicState) -> Vec<f64> {
 
 fn diatomic(_: &Lab) -> Result<Figure, Error> {
     let scenario = scenario();
-    let dispersion = Dispersion::of(&scenario).map_err(SimulateError::from)?;
+    let dispersion = Dispersion::of(&scenario)?;
     let bands = dispersion.bands();
-    let model = Model::of(&scenario).map_err(SimulateError::from)?;
+    let model = Model::of(&scenario)?;
     let (heavy, light) = (model.mass(1), model.mass(2));
     let top = |mass: f64| (2.0 * model.contact(2).linear_stiffness() / mass).sqrt() / TAU;
     let modes = modes(&PeriodicState::of(&scenario)?);
@@ -68,11 +65,8 @@ fn diatomic(_: &Lab) -> Result<Figure, Error> {
     let cells = BEADS / 2;
     let place = |number: usize| number as f64 / (cells as f64 + 0.5);
     let points = |modes: &[f64]| -> Vec<(f64, f64)> {
-        modes
-            .iter()
-            .enumerate()
-            .map(|(n, mode)| (place(n + 1), mode / 1e3))
-            .collect()
+        let modes = modes.iter().zip(1..);
+        modes.map(|(mode, n)| (place(n), mode / 1e3)).collect()
     };
     let falling: Vec<f64> = optical.iter().rev().copied().collect();
     let branch = |number: usize| -> Vec<(f64, f64)> {
@@ -83,14 +77,10 @@ fn diatomic(_: &Lab) -> Result<Figure, Error> {
     };
     let near = |modes: &[f64], number: usize| {
         let off =
-            |(n, mode): (usize, &f64)| (mode / dispersion.frequencies(PI * place(n + 1))[number] - 1.0).abs();
+            |(mode, n): (&f64, usize)| (mode / dispersion.frequencies(PI * place(n))[number] - 1.0).abs();
         // The last modes of a band sit at the ends of the chain.
-        modes
-            .iter()
-            .enumerate()
-            .take(cells - 4)
-            .map(off)
-            .fold(0.0, f64::max)
+        let modes = modes.iter().zip(1..).take(cells - 4);
+        modes.map(off).fold(0.0, f64::max)
     };
     let inside = modes.iter().filter(|mode| {
         let is_in = |band: &[f64; 2]| (band[0] * 0.999..=band[1] * 1.001).contains(*mode);

@@ -6,8 +6,8 @@ use hertz_chain::{Accuracy, Complex64, Dispersion, Drive, DriveQuantity, Run, Sc
 use hertz_charts::{Axis, Panel};
 use rayon::prelude::*;
 
-use super::bands::{LOADS, intruders_in_all};
-use crate::check::{FigureCheck, checks};
+use super::bands::{EDGES, LOADS, intruders_in_all};
+use crate::check::checks;
 use crate::curve::{guide, line};
 use crate::error::Error;
 use crate::lab::Lab;
@@ -106,9 +106,7 @@ fn driven(_: &Lab) -> Result<Figure, Error> {
         .into_par_iter()
         .map(|(load, expected)| {
             let scenario = scenario(load);
-            let bands = Dispersion::of(&scenario)
-                .map_err(hertz_chain::SimulateError::from)?
-                .bands();
+            let bands = Dispersion::of(&scenario)?.bands();
             let (transmission, balance) = shake(&scenario)?;
             let gap = 0.5 * (bands.acoustic_top + bands.gap_end.unwrap_or(f64::NAN));
             let found = edges(&transmission, gap);
@@ -118,10 +116,10 @@ fn driven(_: &Lab) -> Result<Figure, Error> {
     let (from, to, _) = FREQUENCIES;
     let (mut panels, mut checks, mut worst) = (Vec::new(), Vec::new(), 0.0_f64);
     for (place, (load, expected, transmission, found, balance)) in seen.into_iter().enumerate() {
-        let names = ["acoustic top", "end of the gap", "optical top"];
-        for ((name, expected), found) in names.iter().zip(expected).zip(found) {
-            let what = format!("{name} at {load} N, where transmission ends");
-            checks.push(FigureCheck::close(what, "Hz", found, expected, 5e-3));
+        for ((name, expected), found) in EDGES.iter().zip(expected).zip(found) {
+            checks.extend(checks![
+                "{name} at {load} N, where transmission ends", "Hz": found => close(expected, 5e-3);
+            ]);
         }
         worst = worst.max(balance);
         let name = if place == 0 { "counts as passing" } else { "" };

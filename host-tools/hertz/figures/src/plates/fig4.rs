@@ -10,7 +10,7 @@ use crate::check::{FigureCheck, checks};
 use crate::curve::{dotted, force_over_time, geometric, time_axis, told_apart};
 use crate::error::Error;
 use crate::lab::{FigureRun, Lab};
-use crate::observe::{greatest, peak, summit};
+use crate::observe::{greatest, greatest_within, peak, summit};
 use crate::plan::{Figure, plans};
 use crate::setting::{DAMPING, ELASTIC, MASS, OPTIMUM, intruder, strike, with};
 use hertz_charts::{Axis, Chart, Panel, Series};
@@ -54,10 +54,7 @@ pub(crate) fn force_panels(runs: &[(String, Arc<FigureRun>)]) -> Chart {
     // `from`, ms: the main wave has passed the contact.
     let magnified = |contact: usize, from: f64| {
         let mut curves = curves(contact);
-        let later = |series: &Series| {
-            let after = series.points.iter().filter(|(time, _)| *time > from);
-            after.map(|(_, force)| *force).fold(0.0, f64::max)
-        };
+        let later = |series: &Series| greatest_within(&series.points, from..f64::INFINITY);
         let highest = curves.iter().map(later).fold(0.0, f64::max);
         curves.iter_mut().for_each(|series| series.name.clear());
         Panel::new(label(contact), curves)

@@ -8,7 +8,9 @@ use crate::check::checks;
 use crate::curve::{dashed, force_over_time, line, time_axis, told_apart};
 use crate::error::Error;
 use crate::lab::{FigureRun, Lab};
-use crate::observe::{half_power, least_growth, magnitudes, peak, pulse_spectrum, ratio, train};
+use crate::observe::{
+    greatest_within, half_power, least_growth, magnitudes, peak, pulse_spectrum, ratio, train,
+};
 use crate::plan::{Figure, plans};
 use crate::setting::{DAMPING, MASS, STIFFNESS, VISCOUS, intruder, strike, with};
 use hertz_charts::{Axis, Chart, Panel, Series};
@@ -52,10 +54,7 @@ fn four_hosts(lab: &Lab) -> Result<Figure, Error> {
             line(behind, place, force(&after)),
         ];
         // The second of the soft ball's pulses, which have not parted yet.
-        let later = |series: &Series| {
-            let after = series.points.iter().filter(|(time, _)| (3.2..3.7).contains(time));
-            after.map(|(_, force)| *force).fold(0.0, f64::max)
-        };
+        let later = |series: &Series| greatest_within(&series.points, 3.2..3.7);
         second = 100.0 * (1.0 - later(&curves[1]) / later(&curves[0]));
         let panel = Panel::new("force (N)", curves).height(150).note(name);
         let axis_follows = place + 1 >= RADII.len();

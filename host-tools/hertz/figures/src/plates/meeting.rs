@@ -3,7 +3,7 @@
 //! rolling friction. So they are here with a friction in proportion to the contacts' forces. The values with
 //! friction are those of an independent program (SciPy's DOP853).
 
-use hertz_chain::{ContactLaw, PulseSearch, Scenario, Start};
+use hertz_chain::{ContactLaw, PulseSearch, Scenario, Start, Striker};
 use hertz_charts::Panel;
 
 use crate::check::checks;
@@ -28,10 +28,9 @@ const FRICTION: (f64, f64) = (0.03, 4.5e-4);
 fn scenario(spheres: usize) -> Scenario {
     let last = spheres - 1;
     let mut scenario = strike(last, ELASTIC, 0.01);
-    let chain = &scenario.chain;
-    (scenario.striker.radius, scenario.striker.density) = (chain.radius, chain.density);
-    (scenario.striker.young, scenario.striker.poisson) = (chain.young, chain.poisson);
-    scenario.starts = vec![Start::moving([last], -scenario.striker.velocity)];
+    let (chain, speed) = (&scenario.chain, scenario.striker.velocity);
+    scenario.striker = Striker::new(chain.radius, chain.material(), speed);
+    scenario.starts = vec![Start::moving([last], -speed)];
     scenario
 }
 

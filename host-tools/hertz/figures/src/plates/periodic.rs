@@ -3,8 +3,9 @@
 use std::ops::ControlFlow;
 
 use hertz_chain::{
-    Accuracy, Bifurcation, Branch, BranchOptions, BranchPoint, Dispersion, Drive, DriveParameter,
-    DriveQuantity, PeriodExtremes, PeriodicState, Run, Scenario, Section, SimulateError, Wall,
+    Accuracy, Bifurcation, Branch, BranchOptions, BranchPoint, Chain, Dispersion, Drive, DriveParameter,
+    DriveQuantity, Material, PeriodExtremes, PeriodicState, Run, Scenario, Section, SimulateError, Striker,
+    Wall,
 };
 use hertz_charts::{Axis, Panel};
 use rayon::prelude::*;
@@ -14,7 +15,6 @@ use crate::curve::{dashed, discs, line, told_apart};
 use crate::error::Error;
 use crate::lab::Lab;
 use crate::plan::{Figure, plans};
-use crate::setting::strike;
 
 plans! {
     "periodic": "motions of a shaken chain that repeat, against the amplitude of its end, and three at one amplitude";
@@ -33,17 +33,15 @@ const OFF: f64 = 1e-11;
 
 /// The trimer chain of arXiv:1411.0614, with its loss in the contacts.
 fn scenario(amplitude: f64) -> Scenario {
-    let mut scenario = strike(BEADS, 2.5e-7, 1e-3);
-    let chain = &mut scenario.chain;
-    (chain.radius, chain.precompression) = (9.525e-3, 10.0);
-    (chain.density, chain.young, chain.poisson) = (7780.0, 200e9, 0.3);
-    let striker = &mut scenario.striker;
-    (striker.radius, striker.density, striker.velocity) = (9.525e-3, 7780.0, 0.0);
-    (striker.young, striker.poisson) = (200e9, 0.3);
+    let steel = Material::new(7780.0, 200e9, 0.3);
+    let mut chain = Chain::new(BEADS, 9.525e-3, steel);
+    (chain.relaxation, chain.precompression) = (2.5e-7, 10.0);
+    let piston = Striker::new(chain.radius, steel, 0.0);
+    let mut scenario = Scenario::new(1e-3, chain, piston);
     let mut carbide = Section::of((2..=BEADS).step_by(3));
     (carbide.density, carbide.young, carbide.poisson) = (Some(14980.0), Some(628e9), Some(0.28));
     scenario.sections = vec![carbide];
-    scenario.wall = Some(Wall::flat(scenario.striker.material()));
+    scenario.wall = Some(Wall::flat(steel));
     scenario.drive = Some(Drive::sine(DriveQuantity::Displacement, amplitude, FREQUENCY));
     scenario
 }
@@ -113,9 +111,7 @@ fn pieces(points: &[(f64, f64, bool)]) -> Vec<(bool, Vec<(f64, f64)>)> {
 }
 
 fn periodic(_: &Lab) -> Result<Figure, Error> {
-    let bands = Dispersion::of(&scenario(AMPLITUDES.0))
-        .map_err(SimulateError::from)?
-        .bands();
+    let bands = Dispersion::of(&scenario(AMPLITUDES.0))?.bands();
     let gap = (bands.pass[1][1], bands.pass[2][0]);
     let start = PeriodicState::of(&scenario(AMPLITUDES.0))?;
     let options = BranchOptions::default();
@@ -129,14 +125,10 @@ fn periodic(_: &Lab) -> Result<Figure, Error> {
         (point.value * 1e9, period.speeds[0] * 1e3, point.state.is_stable())
     };
     let all: Vec<_> = points.iter().map(place).collect();
-    let is_fold = |point: &BranchPoint| point.bifurcation == Some(Bifurcation::Fold);
-    let folds: Vec<_> = points
-        .iter()
-        .filter(|(point, _)| is_fold(point))
-        .map(place)
-        .collect();
+    let is_fold =
+        |(point, _): &&(&BranchPoint, &PeriodExtremes)| point.bifurcation == Some(Bifurcation::Fold);
+    let folds = points.iter().filter(is_fold).map(place);
     let folds: Vec<(f64, f64)> = folds
-        .into_iter()
         .map(|(amplitude, velocity, _)| (amplitude, velocity))
         .collect();
 
@@ -148,27 +140,20 @@ fn periodic(_: &Lab) -> Result<Figure, Error> {
         }
     }
     let names = ["driven state", "between them", "surface mode"];
-    let profiles = motions
-        .iter()
-        .zip(names)
-        .enumerate()
-        .map(|(place, (state, name))| {
-            let forces = state.extremes()?.forces;
-            let contacts = (1..).map(f64::from).zip(forces.into_iter().map(|force| force[1]));
-            Ok(told_apart(name, place, contacts.collect()))
-        });
-    let profiles = profiles.collect::<Result<Vec<_>, SimulateError>>()?;
+    let mut profiles = Vec::new();
+    for (place, (state, name)) in motions.iter().zip(names).enumerate() {
+        let forces = state.extremes()?.forces;
+        let contacts = (1..).map(f64::from).zip(forces.into_iter().map(|force| force[1]));
+        profiles.push(told_apart(name, place, contacts.collect()));
+    }
 
     let nearest_one = |point: &BranchPoint| {
         let distances = point.state.multipliers().iter().map(|one| (one - 1.0).norm());
         distances.fold(f64::INFINITY, f64::min)
     };
     let at_folds = branch.folds().map(nearest_one).fold(0.0, f64::max);
-    let missed = branch
-        .points
-        .iter()
-        .map(|point| point.state.residual())
-        .fold(0.0, f64::max);
+    let missed = branch.points.iter().map(|point| point.state.residual());
+    let missed = missed.fold(0.0, f64::max);
     let off = motions.iter().map(off_from_runs).collect::<Result<Vec<_>, _>>()?;
     let off = off.into_iter().fold(0.0, f64::max);
     let unstable = motions.iter().filter(|state| !state.is_stable()).count();
@@ -185,18 +170,10 @@ fn periodic(_: &Lab) -> Result<Figure, Error> {
         "distance between start and end of a period, as a part of the motion": missed => at_most(1e-10);
     ];
     let mut curves = Vec::new();
-    let (mut seen_stable, mut seen_unstable) = (false, false);
+    let mut names = ["unstable", "stable"];
     for (is_stable, piece) in pieces(&all) {
-        let seen = if is_stable {
-            &mut seen_stable
-        } else {
-            &mut seen_unstable
-        };
-        let name = match (std::mem::replace(seen, true), is_stable) {
-            (true, _) => "",
-            (false, true) => "stable",
-            (false, false) => "unstable",
-        };
+        // The first of each kind is named.
+        let name = std::mem::take(&mut names[usize::from(is_stable)]);
         curves.push(if is_stable {
             line(name, 0, piece)
         } else {

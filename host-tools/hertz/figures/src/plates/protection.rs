@@ -7,6 +7,7 @@ use crate::check::checks;
 use crate::curve::{force_over_time, line, time_axis, told_apart};
 use crate::error::Error;
 use crate::lab::{FigureRun, Lab};
+use crate::observe::peak;
 use crate::plan::{Figure, plans};
 use crate::setting::{VISCOUS, strike};
 
@@ -32,13 +33,7 @@ fn protection(lab: &Lab) -> Result<Figure, Error> {
     let bare = lab.run(&strike(16, VISCOUS, 0.006))?;
     let energy = lab.run(&designed(Objective::Remaining)?)?;
     let force = lab.run(&designed(Objective::Force(CONTACT))?)?;
-    let peak = |run: &FigureRun| {
-        let peaks = run.summary.peak_force.iter();
-        peaks
-            .filter(|peak| peak.contact == CONTACT)
-            .map(|peak| peak.force)
-            .sum::<f64>()
-    };
+    let peak = |run: &FigureRun| peak(run, CONTACT);
     let share = |run: &FigureRun| {
         let energy = &run.summary.energy;
         100.0 * energy.dissipated_intruders / (energy.striker_initial - energy.striker_final)
