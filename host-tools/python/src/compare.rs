@@ -1,6 +1,6 @@
 //! Recordings beside simulated chains, as `bead compare` holds them.
 
-use std::fmt::Display;
+use std::error::Error;
 use std::sync::Arc;
 
 use bead_compare::agreement::DECISION_RULE;
@@ -13,26 +13,29 @@ use bead_compare::verdict::Echoes;
 use bead_recording::file::{Part, RecordedBead, Recording};
 use hertz_chain::Scenario;
 
+type Failure = Box<dyn Error + Send + Sync>;
+
 /// One bead, or all of a row unless one is asked for, beside the chain of a scenario, by default that of the
 /// recording. JSON as `bead compare` prints it.
 pub(crate) fn compared(
     file: &Recording,
     scenario: Option<Scenario>,
     asked: Option<usize>,
-) -> Result<String, String> {
+) -> Result<String, Failure> {
     let carried = file.parts.get(&Part::Scenario);
     let carried = carried.map(|text| String::from_utf8_lossy(text).into_owned());
     let (scenario, text) = match (scenario, carried) {
         (Some(scenario), _) => (scenario, None),
         (None, Some(text)) => {
-            let scenario = Scenario::from_toml(&text, "the recording's scenario").map_err(line)?;
+            let scenario = Scenario::from_toml(&text, "the recording's scenario")?;
             (scenario, Some(text))
         }
         (None, None) => {
+            let path = file.path.display();
             return Err(format!(
-                "{} carries no scenario; say what was struck: scenario=Scenario.load(…)",
-                file.path.display()
-            ));
+                "{path} carries no scenario; say what was struck: scenario=Scenario.load(…)"
+            )
+            .into());
         }
     };
     if file.beads.len() > 1 && asked.is_none() {
@@ -41,19 +44,15 @@ pub(crate) fn compared(
     bead_compared(file, &scenario, asked)
 }
 
-fn line(error: impl Display) -> String {
-    error.to_string()
-}
-
-fn bead_compared(file: &Recording, scenario: &Scenario, asked: Option<usize>) -> Result<String, String> {
+fn bead_compared(file: &Recording, scenario: &Scenario, asked: Option<usize>) -> Result<String, Failure> {
     let (file, place) = of_one(file, asked)?;
-    let truth: Option<RunTruth> = file.json(Part::Truth).map_err(line)?;
+    let truth: Option<RunTruth> = file.json(Part::Truth)?;
     let bead = asked.or(truth.as_ref().map(|truth| truth.bead)).or(place);
-    let bead = bead.map_or_else(|| only_host(scenario), Ok).map_err(line)?;
+    let bead = bead.map_or_else(|| only_host(scenario), Ok)?;
     let echoes = Echoes::of(scenario, truth);
-    let solution = Arc::new(simulate_with_ring_down(scenario).map_err(line)?);
-    let chain = FullChain::of(scenario, &solution, bead).map_err(line)?;
-    let compared = ComparedBead::read(&file, &chain, echoes, None, |_, _| ()).map_err(line)?;
+    let solution = Arc::new(simulate_with_ring_down(scenario)?);
+    let chain = FullChain::of(scenario, &solution, bead)?;
+    let compared = ComparedBead::read(&file, &chain, echoes, None, |_, _| ())?;
     let result = serde_json::json!({
         "bead": bead,
         "strikes": compared.strikes,
@@ -65,7 +64,7 @@ fn bead_compared(file: &Recording, scenario: &Scenario, asked: Option<usize>) ->
 }
 
 /// The recording of one bead, and its place if the recording knows it.
-fn of_one(file: &Recording, asked: Option<usize>) -> Result<(Recording, Option<usize>), String> {
+fn of_one(file: &Recording, asked: Option<usize>) -> Result<(Recording, Option<usize>), Failure> {
     let places: Vec<usize> = file.beads.iter().map(RecordedBead::place).collect();
     match (&places[..], asked) {
         ([], _) => Ok((file.clone(), None)),
@@ -81,17 +80,17 @@ fn of_one(file: &Recording, asked: Option<usize>) -> Result<(Recording, Option<u
     }
 }
 
-fn row_compared(file: &Recording, scenario: Scenario, text: Option<&str>) -> Result<String, String> {
-    let chain = RowChain::of(scenario).map_err(line)?;
+fn row_compared(file: &Recording, scenario: Scenario, text: Option<&str>) -> Result<String, Failure> {
+    let chain = RowChain::of(scenario)?;
     let (places, notes) = among(file, &chain, text);
     if places.is_empty() {
         let (path, why) = (file.path.display(), notes.join("; "));
-        return Err(format!("{path}: none of its beads is of this scenario: {why}"));
+        return Err(format!("{path}: none of its beads is of this scenario: {why}").into());
     }
-    let row = BeadRow::read(file, &places, &chain, None).map_err(line)?;
+    let row = BeadRow::read(file, &places, &chain, None)?;
     if row.strikes.is_empty() {
-        return Err(format!("{} has no strike", file.path.display()));
+        return Err(format!("{} has no strike", file.path.display()).into());
     }
-    let compared = row::compare(&row, &chain, notes).map_err(line)?;
-    serde_json::to_string(&compared).map_err(line)
+    let compared = row::compare(&row, &chain, notes)?;
+    Ok(serde_json::to_string(&compared)?)
 }

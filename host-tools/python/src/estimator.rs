@@ -14,6 +14,7 @@ use bead_recording::physical;
 use bead_recording::strikes::RecordedStrike;
 use bead_wire::{Shape, Strike, Waveform};
 use hertz_chain::read_text;
+use numpy::ndarray::ArrayView1;
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -70,13 +71,13 @@ impl Estimator {
     fn new(settings: Option<&str>) -> PyResult<Self> {
         let settings = match settings {
             Some(path) => {
-                let text = read_text(Path::new(path), "settings in TOML").map_err(|error| refused(&error))?;
-                physical::parse(&text, path).map_err(|error| refused(&error))?
+                let text = read_text(Path::new(path), "settings in TOML").map_err(refused)?;
+                physical::parse(&text, path).map_err(refused)?
             }
             None => {
                 let (bead, front) = (Bead::paper(), AnalogFrontEnd::default().calibration());
                 let settings = derive(&bead, &front, &Capture::of(&bead, &front));
-                settings.map_err(|error| ScenarioError::new_err(error.to_string()))?
+                settings.map_err(refused)?
             }
         };
         Ok(Self {
@@ -104,11 +105,8 @@ impl Estimator {
                 "{code} is no code of the bead's converter, which has 12 bits; give 0 to 4095"
             )));
         }
-        let scans: Vec<Scan> = codes
-            .rows()
-            .into_iter()
-            .map(|row| Scan::new([row[0], row[1], row[2], row[3]]))
-            .collect();
+        let scan = |row: ArrayView1<'_, u16>| Scan::new([row[0], row[1], row[2], row[3]]);
+        let scans: Vec<Scan> = codes.rows().into_iter().map(scan).collect();
         let mut windows = Windows::default();
         let count = scans.len() as u64;
         guarded(py, || {

@@ -1,8 +1,8 @@
 //! Exceptions: the one line that the command line prints, as Python's.
 
+use std::fmt::Display;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use hertz_chain::{InputError, SimulateError};
 use pyo3::create_exception;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
@@ -22,13 +22,8 @@ create_exception!(
     "A recording that cannot be read, or that lacks what was asked for."
 );
 
-/// The exception of an input that is refused.
-pub(crate) fn refused(error: &InputError) -> PyErr {
-    ScenarioError::new_err(error.to_string())
-}
-
-/// The exception of a run that cannot go on.
-pub(crate) fn failed(error: &SimulateError) -> PyErr {
+/// The exception of a scenario, a sweep, a search or a run that is refused.
+pub(crate) fn refused(error: impl Display) -> PyErr {
     ScenarioError::new_err(error.to_string())
 }
 

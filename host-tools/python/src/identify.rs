@@ -12,20 +12,6 @@ use pyo3::prelude::*;
 
 use crate::scenario::Scenario;
 
-/// The checked arguments of `Recording.identify`.
-pub(crate) struct Asked {
-    method: Method,
-    mounting: Mounting,
-    fit: Vec<Quantity>,
-    scenario: Option<hertz_chain::Scenario>,
-    place: Option<usize>,
-    /// Address of the only bead that is wanted.
-    bead: Option<u8>,
-    /// Numbers of the strikes of each bead; all if it is empty.
-    strikes: Vec<usize>,
-    doubtful: bool,
-}
-
 /// The keyword arguments, as a dictionary that has them all.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
@@ -35,40 +21,50 @@ pub(crate) struct Arguments {
     method: Option<String>,
     mounting: String,
     fit: Vec<String>,
+    /// Address of the only bead that is wanted.
     bead: Option<u8>,
+    /// Numbers of the strikes of each bead; all if it is empty.
     strikes: Vec<usize>,
     doubtful: bool,
 }
 
+/// The checked arguments of `Recording.identify`.
+pub(crate) struct Asked {
+    given: Arguments,
+    method: Method,
+    mounting: Mounting,
+    fit: Vec<Quantity>,
+}
+
 impl Asked {
     /// Checks the arguments.
-    pub(crate) fn of(arguments: Arguments) -> PyResult<Self> {
-        let fit = arguments.fit.iter().map(|name| quantity(name));
+    pub(crate) fn of(given: Arguments) -> PyResult<Self> {
+        let fit = given.fit.iter().map(|name| quantity(name));
         Ok(Self {
-            method: method_of(arguments.method.as_deref(), arguments.scenario.is_some())?,
-            mounting: mounting_of(&arguments.mounting)?,
+            method: method_of(given.method.as_deref(), given.scenario.is_some())?,
+            mounting: mounting_of(&given.mounting)?,
             fit: fit.collect::<PyResult<_>>()?,
-            scenario: arguments.scenario.map(|scenario| scenario.get().0.clone()),
-            place: arguments.place,
-            bead: arguments.bead,
-            strikes: arguments.strikes,
-            doubtful: arguments.doubtful,
+            given,
         })
+    }
+
+    fn is_wanted(&self, bead: u8) -> bool {
+        self.given.bead.is_none_or(|wanted| wanted == bead)
     }
 
     /// Adds a strike to its bead if it is wanted.
     pub(crate) fn take(&self, beads: &mut Vec<BeadStrikes>, name: &str, strike: &RecordedStrike) {
         let (place, number) = GatheredBead::count(beads, strike);
-        let is_wanted = self.bead.is_none_or(|bead| bead == strike.address);
-        if is_wanted && (self.strikes.is_empty() || self.strikes.contains(&number)) {
-            take(&mut beads[place], (0, name), strike, self.doubtful);
+        let numbers = &self.given.strikes;
+        if self.is_wanted(strike.address) && (numbers.is_empty() || numbers.contains(&number)) {
+            take(&mut beads[place], (0, name), strike, self.given.doubtful);
         }
     }
 
     /// The quantities of all beads, as JSON.
     pub(crate) fn identified(&self, beads: &[BeadStrikes], name: &str) -> Result<String, String> {
         let addresses: Vec<u8> = beads.iter().map(|bead| bead.address).collect();
-        if let Some(bead) = self.bead.filter(|bead| !addresses.contains(bead)) {
+        if let Some(bead) = self.given.bead.filter(|bead| !addresses.contains(bead)) {
             return Err(format!(
                 "bead {bead}: no strike is of it; the beads are {addresses:?}"
             ));
@@ -78,18 +74,16 @@ impl Asked {
             method: self.method,
             mounting: self.mounting,
             fit: self.fit.clone(),
-            scenario: self.scenario.as_ref(),
-            place: self.place,
+            scenario: self.given.scenario.as_ref().map(|scenario| &scenario.get().0),
+            place: self.given.place,
             stated: None,
             from: None,
             names: &names,
             draws: false,
             samples: false,
         };
-        let wanted = beads.iter();
-        let wanted = wanted.filter(|bead| self.bead.is_none_or(|address| address == bead.address));
         let (mut results, mut failed) = (Vec::new(), None);
-        for bead in wanted {
+        for bead in beads.iter().filter(|bead| self.is_wanted(bead.address)) {
             match identify_bead(&request, bead) {
                 Ok(bead) => results.push(bead.result),
                 // The other beads go on.
@@ -107,23 +101,19 @@ impl Asked {
 }
 
 fn method_of(name: Option<&str>, has_scenario: bool) -> PyResult<Method> {
-    let wrong = |why: String| Err(PyValueError::new_err(why));
-    match (name, has_scenario) {
-        (None | Some("chain"), true) => Ok(Method::Chain),
-        (None | Some("ring_down"), false) => Ok(Method::RingDown),
-        (Some("pairs"), false) => Ok(Method::Pairs),
-        (Some("chain"), false) => wrong(
+    let why = match (name, has_scenario) {
+        (None | Some("chain"), true) => return Ok(Method::Chain),
+        (None | Some("ring_down"), false) => return Ok(Method::RingDown),
+        (Some("pairs"), false) => return Ok(Method::Pairs),
+        (Some("chain"), false) => {
             "method 'chain' simulates the chain from the striker to the bead: give scenario=Scenario.load(…)"
-                .to_owned(),
-        ),
-        (Some("ring_down" | "pairs"), true) => wrong(
+        }
+        (Some("ring_down" | "pairs"), true) => {
             "scenario= describes a chain, and the method takes taps at a bead outside of one: leave one of them out"
-                .to_owned(),
-        ),
-        (Some(other), _) => wrong(format!(
-            "method {other:?} is none of 'ring_down', 'pairs' and 'chain'"
-        )),
-    }
+        }
+        (Some(other), _) => &format!("method {other:?} is none of 'ring_down', 'pairs' and 'chain'"),
+    };
+    Err(PyValueError::new_err(why.to_owned()))
 }
 
 fn mounting_of(name: &str) -> PyResult<Mounting> {

@@ -1,7 +1,7 @@
 //! Many chains at once, on all cores: ensembles and sweeps.
 
 use hertz_chain::{EnsembleOptions, EnsembleOutcome, ensemble as run_all};
-use hertz_sweep::compute;
+use hertz_sweep::compute::compute;
 use hertz_sweep::definition::Definition;
 use hertz_sweep::plan::Plan;
 use numpy::{PyArray1, PyArrayMethods};
@@ -53,24 +53,16 @@ pub(crate) fn ensemble<'py>(
         let outcomes = guarded(py, || run_all(scenarios, &options))?;
         for outcome in outcomes {
             let place = errors.len() * peaks.len();
-            match outcome {
-                Ok(outcome) => {
-                    let values = [
-                        outcome.absorbed(),
-                        outcome.injected(),
-                        outcome.model().striker_energy(),
-                    ];
-                    for (to, value) in numbers.iter_mut().zip(values) {
-                        to.push(value);
-                    }
-                    peaks_of(&outcome, &peaks, &mut forces[place..], &mut times[place..]);
-                    errors.push(None);
-                }
-                Err(error) => {
-                    numbers.iter_mut().for_each(|to| to.push(f64::NAN));
-                    errors.push(Some(error.to_string()));
-                }
+            let mut values = [f64::NAN; 3];
+            if let Ok(outcome) = &outcome {
+                let striker = outcome.model().striker_energy();
+                values = [outcome.absorbed(), outcome.injected(), striker];
+                peaks_of(outcome, &peaks, &mut forces[place..], &mut times[place..]);
             }
+            for (to, value) in numbers.iter_mut().zip(values) {
+                to.push(value);
+            }
+            errors.push(outcome.err().map(|error| error.to_string()));
         }
         py.check_signals()?;
         if let Some(progress) = &progress {
@@ -116,7 +108,7 @@ pub(crate) fn sweep<'py>(
         (Some(path), _) => Definition::load(&path),
         (None, json) => Definition::from_toml(&table(json.unwrap_or("{}"))?.to_string(), "sweep"),
     };
-    let plan = definition.and_then(Plan::new).map_err(|error| refused(&error))?;
+    let plan = definition.and_then(Plan::new).map_err(refused)?;
     let points = plan.points();
     if points > MOST_POINTS {
         return Err(ScenarioError::new_err(format!(
@@ -131,12 +123,12 @@ pub(crate) fn sweep<'py>(
     while from < points {
         let to = points.min(from + together(beads) as u64);
         let computed = guarded(py, || {
-            compute::each_row(&plan, from..to, &|_| (), |row| {
+            compute(&plan, from..to, &|_| (), |row| {
                 columns.push(row);
                 Ok(())
             })
         });
-        computed?.map_err(|error| ScenarioError::new_err(error.to_string()))?;
+        computed?.map_err(refused)?;
         from = to;
         py.check_signals()?;
         if let Some(progress) = &progress {

@@ -2,13 +2,11 @@
 
 use std::path::PathBuf;
 
-use hertz_chain::{
-    Aim, Catalogue, Objective, OptimiseError, Search, SearchProgress, Sizes, optimise as search_for,
-};
+use hertz_chain::{Aim, Catalogue, Objective, Search, SearchProgress, Sizes, Spread, optimise as search_for};
 use pyo3::prelude::*;
 
 use crate::callback::Callback;
-use crate::failure::{ScenarioError, guarded};
+use crate::failure::{guarded, refused};
 use crate::scenario::Scenario;
 
 /// Searches, and returns the optimum as JSON with the scenario that has it. `callback` is called with the
@@ -38,20 +36,18 @@ pub(crate) fn optimise(
     evaluations: Option<usize>,
     callback: Option<Py<PyAny>>,
 ) -> PyResult<(String, Scenario)> {
-    let refused = |error: OptimiseError| ScenarioError::new_err(error.to_string());
     let mut search = Search::new(&scenario.0, hosts, total_mass).map_err(refused)?;
-    search.objective = objective.parse::<Objective>().map_err(ScenarioError::new_err)?;
+    search.objective = objective.parse::<Objective>().map_err(refused)?;
     search.loss_factor = loss_factor;
     search.stroke = stroke;
-    let catalogue = catalogue.map(Catalogue::load).transpose();
-    search.catalogue = catalogue.map_err(|error| ScenarioError::new_err(error.to_string()))?;
+    search.catalogue = catalogue.map(Catalogue::load).transpose().map_err(refused)?;
     search.hosts_at_most = hosts_at_most;
     if let Some((beads, radius)) = radii {
         let sizes = Sizes { beads, radius };
         search.vary_sizes(&scenario.0, sizes).map_err(refused)?;
     }
     if let Some(spread) = spread {
-        search.spread = spread.parse().map_err(ScenarioError::new_err::<String>)?;
+        search.spread = spread.parse::<Spread>().map_err(refused)?;
     }
     search.speeds = speeds;
     search.alike = alike;
@@ -67,6 +63,6 @@ pub(crate) fn optimise(
     let found = guarded(py, || search_for(&scenario.0, &search, Some(&watch)))?;
     callback.result()?;
     let optimum = found.map_err(refused)?;
-    let json = serde_json::to_string(&optimum).map_err(|error| ScenarioError::new_err(error.to_string()))?;
+    let json = serde_json::to_string(&optimum).map_err(refused)?;
     Ok((json, optimum.scenario(&scenario.0).into()))
 }

@@ -1,15 +1,14 @@
 //! Motions that repeat with their drive, and branches of them.
 
 use hertz_chain::{
-    Bifurcation, Branch, BranchOptions, BranchPoint, Complex64, DriveParameter, PeriodExtremes,
-    PeriodicError, PeriodicState,
+    Bifurcation, Branch, BranchOptions, BranchPoint, Complex64, DriveParameter, PeriodExtremes, PeriodicState,
 };
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
 use crate::callback::Callback;
-use crate::failure::{ScenarioError, guarded};
+use crate::failure::{guarded, refused};
 use crate::scenario::Scenario;
 
 /// Finds a motion that repeats, and follows it along a parameter of the drive if there is one to follow.
@@ -28,13 +27,10 @@ pub(crate) fn periodic<'py>(
     points: usize,
     callback: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let refused = |error: PeriodicError| ScenarioError::new_err(error.to_string());
     let parameter = along.map(str::parse::<DriveParameter>).transpose();
-    let parameter = parameter.map_err(|text| ScenarioError::new_err(format!("along: {text}")))?;
+    let parameter = parameter.map_err(|text| refused(format_args!("along: {text}")))?;
     if parameter.is_some() != to.is_some() {
-        return Err(ScenarioError::new_err(
-            "along: give it and the value to go to, or neither",
-        ));
+        return Err(refused("along: give it and the value to go to, or neither"));
     }
     let start = guarded(py, || PeriodicState::of(&scenario.0))?.map_err(refused)?;
     let Some((parameter, to)) = parameter.zip(to) else {
@@ -47,11 +43,8 @@ pub(crate) fn periodic<'py>(
     let branch = guarded(py, || Branch::follow(start, parameter, to, &options, watch))?;
     callback.result()?;
     let branch = branch.map_err(refused)?;
-    let points: Vec<_> = branch
-        .points
-        .iter()
-        .map(|point| (&point.state, point.bifurcation))
-        .collect();
+    let points = branch.points.iter();
+    let points: Vec<_> = points.map(|point| (&point.state, point.bifurcation)).collect();
     rows(py, &points, Some(branch.end.name()))
 }
 
@@ -61,31 +54,30 @@ fn rows<'py>(
     motions: &[(&PeriodicState, Option<Bifurcation>)],
     end: Option<&str>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let extremes = guarded(py, || {
-        motions
-            .iter()
-            .map(|(state, _)| state.extremes())
+    let states = || motions.iter().map(|(state, _)| *state);
+    let extremes = || {
+        states()
+            .map(PeriodicState::extremes)
             .collect::<Result<Vec<_>, _>>()
-    })?
-    .map_err(|error| ScenarioError::new_err(error.to_string()))?;
+    };
+    let extremes = guarded(py, extremes)?.map_err(refused)?;
     let count = motions.len();
     let result = PyDict::new(py);
-    let table = |name: &str, of: &dyn Fn(&PeriodExtremes) -> Vec<f64>| {
+    let table = |name: &str, of: fn(&PeriodExtremes) -> Vec<f64>| {
         let values: Vec<f64> = extremes.iter().flat_map(of).collect();
         let width = values.len() / count;
         result.set_item(name, PyArray1::from_vec(py, values).reshape([count, width])?)
     };
-    table("force_min", &|one| {
+    table("force_min", |one| {
         one.forces.iter().map(|force| force[0]).collect()
     })?;
-    table("force_max", &|one| {
+    table("force_max", |one| {
         one.forces.iter().map(|force| force[1]).collect()
     })?;
-    table("speed_max", &|one| one.speeds.clone())?;
-    table("stroke_max", &|one| one.strokes.clone())?;
+    table("speed_max", |one| one.speeds.clone())?;
+    table("stroke_max", |one| one.strokes.clone())?;
     let column = |name: &str, of: &dyn Fn(&PeriodicState) -> f64| {
-        let values = motions.iter().map(|(state, _)| of(state)).collect();
-        result.set_item(name, PyArray1::from_vec(py, values))
+        result.set_item(name, PyArray1::from_vec(py, states().map(of).collect()))
     };
     let drive = |parameter: DriveParameter| {
         move |state: &PeriodicState| parameter.value(state.scenario()).unwrap_or(f64::NAN)
@@ -93,14 +85,11 @@ fn rows<'py>(
     column("amplitude", &drive(DriveParameter::Amplitude))?;
     column("frequency", &drive(DriveParameter::Frequency))?;
     column("residual", &PeriodicState::residual)?;
-    let multipliers: Vec<Complex64> = motions
-        .iter()
-        .flat_map(|(state, _)| state.multipliers().iter().copied())
-        .collect();
+    let multipliers: Vec<Complex64> = states().flat_map(|state| state.multipliers().to_vec()).collect();
     let width = multipliers.len() / count;
     let multipliers = PyArray1::from_vec(py, multipliers).reshape([count, width])?;
     result.set_item("multipliers", multipliers)?;
-    let stable = motions.iter().map(|(state, _)| state.is_stable()).collect();
+    let stable = states().map(PeriodicState::is_stable).collect();
     result.set_item("stable", PyArray1::from_vec(py, stable))?;
     let names = motions
         .iter()

@@ -1,5 +1,6 @@
 //! Recordings of beads: tables of their strikes and samples, and the checks of the command line.
 
+use std::fmt::Display;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -7,7 +8,7 @@ use bead_compare::budget::StrikeBudget;
 use bead_compare::replay::replay;
 use bead_recording::clock;
 use bead_recording::export::{samples, strikes};
-use bead_recording::file::{Recording as File, RecordingError as FileError};
+use bead_recording::file::Recording as File;
 use bead_recording::strikes::RecordedStrike;
 use bead_tables::{Cell, CellKind, Column};
 use pyo3::prelude::*;
@@ -25,18 +26,29 @@ pub(crate) struct Recording {
     file: File,
 }
 
-fn refused(error: &FileError) -> PyErr {
+fn refused(error: impl Display) -> PyErr {
     RecordingError::new_err(error.to_string())
 }
 
+/// The exception of a strike that is not among the first `count`.
+fn no_such_strike(strike: u64, count: u64) -> PyErr {
+    refused(format_args!(
+        "strike {strike} is not there: {count} strikes, counted from 0"
+    ))
+}
+
 impl Recording {
+    fn name(&self) -> String {
+        self.file.path.display().to_string()
+    }
+
     /// Calls `take` with the number and each strike, and looks for Ctrl-C between them.
     fn each(
         &self,
         py: Python<'_>,
         mut take: impl FnMut(u64, &RecordedStrike) -> PyResult<()>,
     ) -> PyResult<()> {
-        let mut strikes = self.file.strikes().map_err(|error| refused(&error))?;
+        let mut strikes = self.file.strikes().map_err(refused)?;
         let mut count = 0;
         for strike in strikes.by_ref() {
             take(count, &strike)?;
@@ -44,7 +56,7 @@ impl Recording {
             py.check_signals()?;
         }
         if count == 0 {
-            return Err(refused(&self.file.no_strike(strikes.frames())));
+            return Err(refused(self.file.no_strike(strikes.frames())));
         }
         Ok(())
     }
@@ -54,7 +66,7 @@ impl Recording {
 impl Recording {
     #[new]
     fn new(path: PathBuf) -> PyResult<Self> {
-        let file = File::open_named(&path).map_err(|error| refused(&error))?;
+        let file = File::open_named(&path).map_err(refused)?;
         Ok(Self { file })
     }
 
@@ -86,9 +98,7 @@ impl Recording {
             Ok(())
         })?;
         match strike.filter(|strike| *strike >= count) {
-            Some(strike) => Err(RecordingError::new_err(format!(
-                "strike {strike} is not there: {count} strikes, counted from 0"
-            ))),
+            Some(strike) => Err(no_such_strike(strike, count)),
             None => columns.into_dict(py),
         }
     }
@@ -128,13 +138,8 @@ impl Recording {
             }
             Ok(())
         })?;
-        let budget = found.ok_or_else(|| {
-            RecordingError::new_err(format!(
-                "strike {strike} is not there: {count} strikes, counted from 0"
-            ))
-        })?;
-        let budget = budget.map_err(|error| RecordingError::new_err(error.to_string()))?;
-        serde_json::to_string(&budget).map_err(|error| RecordingError::new_err(error.to_string()))
+        let budget = found.ok_or_else(|| no_such_strike(strike, count))?;
+        serde_json::to_string(&budget.map_err(refused)?).map_err(refused)
     }
 
     /// The strikes of one bead or of a row beside a simulated chain, without a scenario that of the
@@ -142,7 +147,7 @@ impl Recording {
     fn compare(&self, py: Python<'_>, scenario: Option<&Scenario>, bead: Option<usize>) -> PyResult<String> {
         let scenario = scenario.map(|scenario| scenario.0.clone());
         let compared = guarded(py, || compared(&self.file, scenario, bead))?;
-        compared.map_err(RecordingError::new_err)
+        compared.map_err(refused)
     }
 
     /// Quantities of the beads from their strikes, as JSON.
@@ -155,19 +160,13 @@ impl Recording {
             Ok(())
         })?;
         let identified = guarded(py, || asked.identified(&beads, &name))?;
-        identified.map_err(RecordingError::new_err)
+        identified.map_err(refused)
     }
 
     /// Clocks of the beads beside the host's, as JSON.
     fn clocks(&self, py: Python<'_>) -> PyResult<String> {
         let path = self.file.path.clone();
-        let compared = guarded(py, || clock::compare(&[path]))?.map_err(|error| refused(&error))?;
-        serde_json::to_string(&compared).map_err(|error| RecordingError::new_err(error.to_string()))
-    }
-}
-
-impl Recording {
-    fn name(&self) -> String {
-        self.file.path.display().to_string()
+        let compared = guarded(py, || clock::compare(&[path]))?.map_err(refused)?;
+        serde_json::to_string(&compared).map_err(refused)
     }
 }

@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 use serde_json::Value as Json;
 use toml::Table;
 
-use crate::failure::{ScenarioError, refused};
+use crate::failure::refused;
 
 /// A checked scenario, and its tables from the first use of them. It cannot be changed; `replaced` makes
 /// another one.
@@ -33,26 +33,26 @@ impl Scenario {
             return Ok(tables);
         }
         let text = self.0.to_toml();
-        let file = TomlFile::parse(&text, "scenario").map_err(|error| refused(&error))?;
-        let tables = file.read().map_err(|error| refused(&error))?;
+        let file = TomlFile::parse(&text, "scenario").map_err(refused)?;
+        let tables = file.read().map_err(refused)?;
         Ok(self.1.get_or_init(|| tables))
     }
 
     /// The scenario of a table, which must hold all of it.
     pub(crate) fn of(table: Table) -> PyResult<Self> {
-        let scenario: Described = read_table(table).map_err(|error| refused(&error))?;
-        scenario.check().map_err(|error| refused(&error))?;
+        let scenario: Described = read_table(table).map_err(refused)?;
+        scenario.check().map_err(refused)?;
         Ok(scenario.into())
     }
 }
 
-fn unreadable(error: &serde_json::Error) -> PyErr {
-    ScenarioError::new_err(format!("these tables cannot be read: {error}"))
+fn unreadable(error: serde_json::Error) -> PyErr {
+    refused(format_args!("these tables cannot be read: {error}"))
 }
 
 /// The table in a JSON text.
 pub(crate) fn table(json: &str) -> PyResult<Table> {
-    serde_json::from_str(json).map_err(|error| unreadable(&error))
+    serde_json::from_str(json).map_err(unreadable)
 }
 
 #[pymethods]
@@ -64,15 +64,14 @@ impl Scenario {
 
     #[staticmethod]
     fn load(path: std::path::PathBuf) -> PyResult<Self> {
-        Described::load(path)
-            .map(Self::from)
-            .map_err(|error| refused(&error))
+        Described::load(path).map(Self::from).map_err(refused)
     }
 
     #[staticmethod]
     fn from_toml(text: &str) -> PyResult<Self> {
-        let scenario = Described::from_toml(text, "scenario");
-        scenario.map(Self::from).map_err(|error| refused(&error))
+        Described::from_toml(text, "scenario")
+            .map(Self::from)
+            .map_err(refused)
     }
 
     #[staticmethod]
@@ -85,13 +84,13 @@ impl Scenario {
     }
 
     fn to_json(&self) -> PyResult<String> {
-        serde_json::to_string(self.tables()?).map_err(|error| ScenarioError::new_err(error.to_string()))
+        serde_json::to_string(self.tables()?).map_err(refused)
     }
 
     /// This scenario with the values of a JSON object. An object in it changes the keys of the table of its
     /// name, null removes a key.
     fn replaced(&self, changes: &str) -> PyResult<Self> {
-        let mut changes: Json = serde_json::from_str(changes).map_err(|error| unreadable(&error))?;
+        let mut changes: Json = serde_json::from_str(changes).map_err(unreadable)?;
         let mut tables = self.tables()?.clone();
         if let Some(changes) = changes.as_object_mut() {
             changes.retain(|key, value| {
@@ -101,7 +100,7 @@ impl Scenario {
                 !value.is_null()
             });
         }
-        let changes: Table = serde_json::from_value(changes).map_err(|error| unreadable(&error))?;
+        let changes: Table = serde_json::from_value(changes).map_err(unreadable)?;
         for (key, value) in changes {
             match (tables.get_mut(&key), value) {
                 (Some(toml::Value::Table(table)), toml::Value::Table(changes)) => table.extend(changes),

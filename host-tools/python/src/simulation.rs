@@ -9,7 +9,7 @@ use pyo3::exceptions::PyMemoryError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::failure::{ScenarioError, failed, guarded};
+use crate::failure::{ScenarioError, guarded, refused};
 use crate::scenario::Scenario;
 
 /// Steps times bodies between two looks for Ctrl-C: some milliseconds.
@@ -17,57 +17,49 @@ const STEPS: u64 = 1 << 16;
 /// Most values in the arrays of a run: 16 GB.
 const MOST: f64 = 2e9;
 
+type ValueAt = fn(&Snapshot<'_>, usize) -> f64;
+
 /// A quantity over time, for each of a number of bodies, contacts or intruders.
 struct Observable {
     name: &'static str,
     /// Values at a time; `None` for one alone, which has no second axis.
     width: Option<usize>,
-    append: fn(&Snapshot<'_>, &mut Vec<f64>),
+    /// Its value for one of them, counted from 0.
+    of: ValueAt,
     values: Vec<f64>,
 }
 
 /// The observables of these names, in the order of the names.
 fn observables(names: &[String], model: &Model) -> PyResult<Vec<Observable>> {
     let (bodies, contacts, intruders) = (model.bodies(), model.contacts(), model.intruders().len());
-    type Append = fn(&Snapshot<'_>, &mut Vec<f64>);
-    let known: [(&'static str, Option<usize>, Append); 13] = [
-        ("displacement", Some(bodies), |s, to| {
-            to.extend((0..s.model().bodies()).map(|body| s.displacement(body)));
+    let known: [(&'static str, Option<usize>, ValueAt); 13] = [
+        ("displacement", Some(bodies), |s, body| s.displacement(body)),
+        ("velocity", Some(bodies), |s, body| s.velocity(body)),
+        ("force", Some(contacts), |s, before| s.force(before + 1)),
+        ("intruder_displacement", Some(intruders), |s, n| {
+            s.motion_of(n).displacement
         }),
-        ("velocity", Some(bodies), |s, to| {
-            to.extend((0..s.model().bodies()).map(|body| s.velocity(body)));
+        ("intruder_velocity", Some(intruders), |s, n| {
+            s.motion_of(n).velocity
         }),
-        ("force", Some(contacts), |s, to| {
-            to.extend((1..=s.model().contacts()).map(|contact| s.force(contact)));
+        ("intruder_acceleration", Some(intruders), |s, n| {
+            s.motion_of(n).acceleration
         }),
-        ("intruder_displacement", Some(intruders), |s, to| {
-            each(s, to, |s, number| s.motion_of(number).displacement);
+        ("intruder_dissipated", Some(intruders), |s, n| s.dissipated_by(n)),
+        ("striker_energy", None, |s, _| s.energies().striker),
+        ("chain_energy", None, |s, _| s.energies().chain),
+        ("intruders_energy", None, |s, _| s.energies().intruders),
+        ("dissipated_contacts", None, |s, _| {
+            s.energies().dissipated_contacts
         }),
-        ("intruder_velocity", Some(intruders), |s, to| {
-            each(s, to, |s, number| s.motion_of(number).velocity);
+        ("dissipated_intruders", None, |s, _| {
+            s.energies().dissipated_intruders
         }),
-        ("intruder_acceleration", Some(intruders), |s, to| {
-            each(s, to, |s, number| s.motion_of(number).acceleration);
-        }),
-        ("intruder_dissipated", Some(intruders), |s, to| {
-            each(s, to, |s, number| s.dissipated_by(number));
-        }),
-        ("striker_energy", None, |s, to| to.push(s.energies().striker)),
-        ("chain_energy", None, |s, to| to.push(s.energies().chain)),
-        ("intruders_energy", None, |s, to| to.push(s.energies().intruders)),
-        ("dissipated_contacts", None, |s, to| {
-            to.push(s.energies().dissipated_contacts);
-        }),
-        ("dissipated_intruders", None, |s, to| {
-            to.push(s.energies().dissipated_intruders);
-        }),
-        ("dissipated_ground", None, |s, to| {
-            to.push(s.energies().dissipated_ground);
-        }),
+        ("dissipated_ground", None, |s, _| s.energies().dissipated_ground),
     ];
     let find = |name: &String| {
         let found = known.iter().find(|(known, ..)| known == name);
-        let (name, width, append) = found.ok_or_else(|| {
+        let &(name, width, of) = found.ok_or_else(|| {
             let names: Vec<_> = known.iter().map(|(name, ..)| *name).collect();
             ScenarioError::new_err(format!(
                 "{name:?} is no observable; give some of {}",
@@ -76,17 +68,12 @@ fn observables(names: &[String], model: &Model) -> PyResult<Vec<Observable>> {
         })?;
         Ok(Observable {
             name,
-            width: *width,
-            append: *append,
+            width,
+            of,
             values: Vec::new(),
         })
     };
     names.iter().map(find).collect()
-}
-
-/// A quantity of each intruder, in the order of the beads.
-fn each(s: &Snapshot<'_>, to: &mut Vec<f64>, of: fn(&Snapshot<'_>, usize) -> f64) {
-    to.extend((0..s.model().intruders().len()).map(|number| of(s, number)));
 }
 
 /// Runs a scenario. Returns `time`, the observables by name, `bodies`, `contacts` and `intruders` (the
@@ -103,8 +90,8 @@ pub(crate) fn simulate<'py>(
 ) -> PyResult<Bound<'py, PyDict>> {
     let accuracy = Accuracy::new(tolerance, longest_step);
     let (scenario, end) = (&scenario.0, scenario.0.duration);
-    let mut run = Run::new(scenario, accuracy).map_err(|error| failed(&error))?;
-    run.check(end, longest_step).map_err(|error| failed(&error))?;
+    let mut run = Run::new(scenario, accuracy).map_err(refused)?;
+    run.check(end, longest_step).map_err(refused)?;
     let mut wanted = self::observables(&observables, run.model())?;
     let width: usize = wanted.iter().map(|one| one.width.unwrap_or(1)).sum();
     let rows = end * rate;
@@ -114,13 +101,9 @@ pub(crate) fn simulate<'py>(
              that makes one time at least and {MOST:e} values at most"
         )));
     }
-    let hosts: Vec<usize> = run
-        .model()
-        .intruders()
-        .iter()
-        .map(|intruder| intruder.bead)
-        .collect();
-    let (bodies, contacts) = (run.model().bodies(), run.model().contacts());
+    let model = run.model();
+    let hosts: Vec<usize> = model.intruders().iter().map(|intruder| intruder.bead).collect();
+    let (bodies, contacts) = (model.bodies(), model.contacts());
     // A run that is too large for the memory is refused here, and not by an abort in its middle.
     let room = |width: usize| {
         let mut values: Vec<f64> = Vec::new();
@@ -145,7 +128,8 @@ pub(crate) fn simulate<'py>(
             snapshots.observe(step, |snapshot| {
                 times.push(snapshot.time());
                 for one in &mut wanted {
-                    (one.append)(snapshot, &mut one.values);
+                    let values = (0..one.width.unwrap_or(1)).map(|place| (one.of)(snapshot, place));
+                    one.values.extend(values);
                 }
             });
             if step.number().is_multiple_of(look_after)
@@ -158,7 +142,7 @@ pub(crate) fn simulate<'py>(
         ran.map(|ran| (ran, summariser.summary(&mut run)))
     });
     let seconds = started.elapsed().as_secs_f64();
-    let (ran, summary) = ran?.map_err(|error| failed(&error))?;
+    let (ran, summary) = ran?.map_err(refused)?;
     if let ControlFlow::Break(interrupted) = ran {
         return Err(interrupted);
     }
@@ -178,7 +162,7 @@ pub(crate) fn simulate<'py>(
     result.set_item("bodies", bodies)?;
     result.set_item("contacts", contacts)?;
     result.set_item("intruders", hosts)?;
-    let json = serde_json::to_string(&summary).map_err(|error| ScenarioError::new_err(error.to_string()))?;
+    let json = serde_json::to_string(&summary).map_err(refused)?;
     result.set_item("summary", json)?;
     Ok(result)
 }

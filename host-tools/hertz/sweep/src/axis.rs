@@ -38,23 +38,16 @@ pub enum Values {
         /// Step from one to the next.
         step: f64,
     },
-    /// Equal steps.
-    Linear {
+    /// Equal steps, or equal factors.
+    Space {
         /// First value.
         from: f64,
         /// Last value.
         to: f64,
         /// Number of values.
         count: u64,
-    },
-    /// Equal factors.
-    Log {
-        /// First value.
-        from: f64,
-        /// Last value.
-        to: f64,
-        /// Number of values.
-        count: u64,
+        /// True for equal factors.
+        log: bool,
     },
     /// Listed values.
     List {
@@ -91,17 +84,19 @@ impl Values {
 
     /// The value at a place; `None` for a list.
     pub fn number(&self, place: u64) -> Option<f64> {
-        let linear = |part: f64, from: f64, to: f64| from + part * (to - from);
-        let factor = |part: f64, from: f64, to: f64| from * (to / from).powf(part);
+        let between = |part: f64, from: f64, to: f64, log: bool| {
+            if log {
+                from * (to / from).powf(part)
+            } else {
+                from + part * (to - from)
+            }
+        };
         Some(match *self {
             Self::Range { from, step } => from + place as f64 * step,
             // The ends are exact.
-            Self::Linear { from, count, .. } | Self::Log { from, count, .. } if place == 0 || count < 2 => {
-                from
-            }
-            Self::Linear { to, count, .. } | Self::Log { to, count, .. } if place + 1 == count => to,
-            Self::Linear { from, to, count } => linear(place as f64 / (count - 1) as f64, from, to),
-            Self::Log { from, to, count } => factor(place as f64 / (count - 1) as f64, from, to),
+            Self::Space { from, count, .. } if place == 0 || count < 2 => from,
+            Self::Space { to, count, .. } if place + 1 == count => to,
+            Self::Space { from, to, count, log } => between(place as f64 / (count - 1) as f64, from, to, log),
             Self::List { .. } => return None,
             Self::Drawn {
                 method,
@@ -111,14 +106,12 @@ impl Values {
                 from,
                 to,
                 log,
-            } => {
-                let part = coordinate(method, seed, place, dimension, dimensions);
-                if log {
-                    factor(part, from, to)
-                } else {
-                    linear(part, from, to)
-                }
-            }
+            } => between(
+                coordinate(method, seed, place, dimension, dimensions),
+                from,
+                to,
+                log,
+            ),
         })
     }
 }
@@ -200,8 +193,8 @@ mod tests {
     #[test]
     fn the_ends_of_a_space_are_exact() {
         let (from, to, count) = (0.1, 0.7, 7);
-        let linear = (Values::Linear { from, to, count }, 0.4);
-        for (values, middle) in [linear, (Values::Log { from, to, count }, 0.07_f64.sqrt())] {
+        for (log, middle) in [(false, 0.4), (true, 0.07_f64.sqrt())] {
+            let values = Values::Space { from, to, count, log };
             let value = |place| values.number(place).unwrap();
             assert_eq!((value(0), value(6)), (from, to));
             assert!((value(3) - middle).abs() < 1e-15);

@@ -40,8 +40,7 @@ enum Spacing<'a> {
     Range([f64; 3]),
     Linear([f64; 3]),
     Log([f64; 3]),
-    Uniform([f64; 2]),
-    LogUniform([f64; 2]),
+    Drawn { bounds: [f64; 2], log: bool },
 }
 
 fn refused<T>(at: &str, what: impl Into<String>, advice: impl Into<String>) -> Result<T, InputError> {
@@ -107,8 +106,8 @@ impl AxisTable {
             self.range.map(Spacing::Range),
             self.linspace.map(Spacing::Linear),
             self.logspace.map(Spacing::Log),
-            self.uniform.map(Spacing::Uniform),
-            self.loguniform.map(Spacing::LogUniform),
+            self.uniform.map(|bounds| Spacing::Drawn { bounds, log: false }),
+            self.loguniform.map(|bounds| Spacing::Drawn { bounds, log: true }),
         ];
         given.into_iter().flatten().collect()
     }
@@ -154,10 +153,7 @@ impl AxisTable {
                 return Ok((Along { key, values }, list.len() as u64));
             }
             Spacing::Range(range) => steps(&format!("{at}.range"), range)?,
-            Spacing::Linear([from, to, count]) => {
-                let count = check_ends(&format!("{at}.linspace"), [from, to], count)?;
-                (Values::Linear { from, to, count }, count)
-            }
+            Spacing::Linear([from, to, count]) => space(&format!("{at}.linspace"), [from, to], count, false)?,
             Spacing::Log([from, to, count]) => {
                 let at = format!("{at}.logspace");
                 let positive = from > 0.0 && to > 0.0;
@@ -165,10 +161,9 @@ impl AxisTable {
                     let what = format!("from {from} to {to} has no equal factors");
                     return refused(&at, what, "give ends above 0, or linspace");
                 }
-                let count = check_ends(&at, [from, to], count)?;
-                (Values::Log { from, to, count }, count)
+                space(&at, [from, to], count, true)?
             }
-            Spacing::Uniform(_) | Spacing::LogUniform(_) => {
+            Spacing::Drawn { .. } => {
                 let what = format!("{key} has bounds, and draws no points between them");
                 return refused(at, what, GIVE_VALUES);
             }
@@ -191,17 +186,14 @@ impl AxisTable {
         for (dimension, table) in tables.iter().enumerate() {
             let at = format!("{at}.over[{}]", dimension + 1);
             let key = table.key(&at)?;
-            let ([from, to], log) = match table.spacings()[..] {
-                [Spacing::Uniform(bounds)] => (bounds, false),
-                [Spacing::LogUniform(bounds)] => (bounds, true),
-                _ => {
-                    let advice = "give one of uniform = [least, greatest] and loguniform = [least, greatest]";
-                    return refused(&at, "it must have bounds", advice);
-                }
+            let [Spacing::Drawn { bounds, log }] = table.spacings()[..] else {
+                let advice = "give one of uniform = [least, greatest] and loguniform = [least, greatest]";
+                return refused(&at, "it must have bounds", advice);
             };
-            check_range(&at, &[from, to])?;
+            let [from, to] = bounds;
+            check_range(&at, &bounds)?;
             if key.of_beads() {
-                check_beads(&at, &key, [from, to])?;
+                check_beads(&at, &key, bounds)?;
             }
             if from > to || (log && from <= 0.0) {
                 let what = format!("from {from} to {to} there is nothing to draw from");
@@ -254,15 +246,16 @@ fn steps(at: &str, [from, to, step]: [f64; 3]) -> Result<(Values, u64), InputErr
     Ok((Values::Range { from, step }, count))
 }
 
-/// Checks both ends and the number of values between them.
-fn check_ends(at: &str, [from, to]: [f64; 2], count: f64) -> Result<u64, InputError> {
+/// Equal steps or factors between two ends, for a number of values.
+fn space(at: &str, [from, to]: [f64; 2], count: f64, log: bool) -> Result<(Values, u64), InputError> {
     check_range(at, &[from, to])?;
     let count = check_count(at, count)?;
     if count > 1 && from == to {
         let what = format!("{count} values from {from} to {to} are all the same");
         return refused(at, what, "give two ends");
     }
-    Ok(count)
+    let values = Values::Space { from, to, count, log };
+    Ok((values, count))
 }
 
 /// Sizes that a scenario takes. Differences and ratios of two such values are finite.

@@ -7,52 +7,37 @@ use hertz_chain::{EnsembleOptions, EnsembleOutcome, Scenario, ensemble};
 use rayon::prelude::*;
 
 use crate::plan::Plan;
-use bead_tables::{Cell, Writer};
+use bead_tables::Cell;
 
 /// Runs in memory at a time: enough of one kind to fill the vectors of many threads.
 const TOGETHER: u64 = 4096;
 /// Bodies in memory at a time, some 500 B each.
 const BODIES: usize = 1 << 20;
 
-/// Runs the points of a range on all threads of the current pool, and appends their rows in order. `progress`
-/// gets the number of points done. The row of a point that cannot be run holds the reason; their number is
-/// returned.
-///
-/// # Errors
-/// The table cannot be written.
-pub fn compute(
-    plan: &Plan,
-    points: Range<u64>,
-    table: &mut Writer<'_>,
-    progress: &(dyn Fn(f64) + Sync),
-) -> anyhow::Result<u64> {
-    each_row(plan, points, progress, |row| table.push(row))
-}
-
-/// Runs the points of a range as [`compute`] does, and hands their rows on in order.
+/// Runs the points of a range on all threads of the current pool, and hands their rows on in order. `progress`
+/// gets the number of points done. The row of a point that cannot be run holds the reason.
 ///
 /// # Errors
 /// Those of `take`.
-pub fn each_row(
+pub fn compute(
     plan: &Plan,
     points: Range<u64>,
     progress: &(dyn Fn(f64) + Sync),
     mut take: impl FnMut(Vec<Cell>) -> anyhow::Result<()>,
-) -> anyhow::Result<u64> {
-    let (mut failed, mut from) = (0, points.start);
+) -> anyhow::Result<()> {
+    let mut from = points.start;
     while from < points.end {
         let batch = batch(plan, from..points.end.min(from + TOGETHER));
         let count = batch.len() as u64;
         let done = from - points.start;
         let results = results(plan, batch, &|part| progress(done as f64 + part * count as f64));
         for (result, point) in results.iter().zip(from..) {
-            failed += u64::from(result.is_err());
             take(plan.row(point, result))?;
         }
         from += count;
         progress((from - points.start) as f64);
     }
-    Ok(failed)
+    Ok(())
 }
 
 /// Scenarios of the first points of a range, as many as memory should hold. They are made in portions that
@@ -88,23 +73,20 @@ fn results(
     progress: &(dyn Fn(f64) + Sync),
 ) -> Vec<Result<EnsembleOutcome, String>> {
     let mut runnable = Vec::new();
-    let refused: Vec<Option<String>> = scenarios
+    let runs: Vec<Result<(), String>> = scenarios
         .into_iter()
-        .map(|scenario| scenario.map(|scenario| runnable.push(scenario)).err())
+        .map(|scenario| scenario.map(|scenario| runnable.push(scenario)))
         .collect();
     let contacts = plan.definition().outputs.contacts();
     let options = EnsembleOptions::default()
         .with_peaks(&contacts)
         .with_progress(progress);
     let mut outcomes = ensemble(&runnable, &options).into_iter();
-    let result = |refused: Option<String>| match refused {
-        Some(why) => Err(why),
-        None => {
-            let outcome = outcomes.next().expect("each scenario has its outcome");
-            outcome.map_err(|error| error.to_string())
-        }
+    let result = |run: Result<(), String>| {
+        let outcome = run.map(|()| outcomes.next().expect("each scenario has its outcome"));
+        outcome?.map_err(|error| error.to_string())
     };
-    refused.into_iter().map(result).collect()
+    runs.into_iter().map(result).collect()
 }
 
 /// Time of a point on all threads of the pool, s, measured with a few points from all over the sweep.

@@ -236,7 +236,7 @@ impl Folder {
         let notes = [("plan", self.plan.hash()), ("chunk", &signature)];
         Ok(target.write(|file| {
             let mut table = Writer::parquet(file, "sweep", &self.plan.columns(), &notes)?;
-            compute(&self.plan, self.points(chunk), &mut table, progress)?;
+            compute(&self.plan, self.points(chunk), progress, |row| table.push(row))?;
             table.finish()
         })?)
     }

@@ -71,15 +71,14 @@ impl ScenarioKey {
     /// # Errors
     /// The scenario has no such place.
     pub fn set(&self, scenario: &mut Table, value: Value) -> Result<(), InputError> {
-        let (first, rest) = self.segments.split_first().expect("a key has a segment");
-        if rest.is_empty() {
-            scenario.insert(first.clone(), value);
+        let (last, before) = self.segments.split_last().expect("a key has a segment");
+        let Some((first, between)) = before.split_first() else {
+            scenario.insert(last.clone(), value);
             return Ok(());
-        }
+        };
         let mut at = scenario
             .entry(first.clone())
             .or_insert_with(|| Value::Table(Table::new()));
-        let (last, between) = rest.split_last().expect("it is not empty");
         let mut path = first.clone();
         for part in between {
             at = self.inside(at, part, &path)?;

@@ -3,12 +3,12 @@
 use std::path::Path;
 
 use anyhow::Context;
-use hertz_charts::{COLUMN, Chart, Ink, Map, Mark, Panel, Series};
+use hertz_charts::{COLUMN, Chart, Ink, Map, Mark, Panel, Series, ends};
 
 use crate::column::AxisColumn;
 use crate::definition::Definition;
 use crate::plan::Plan;
-use crate::side::{Cells, ShownQuantity, Side, ends};
+use crate::side::{Cells, ShownQuantity, Side};
 use crate::view::{ChartForm, ChartLayout, ChosenPlace, MOST_POINTS, View};
 use bead_tables::{Cell, Reader};
 
@@ -95,37 +95,34 @@ fn note(plan: &Plan, by: Option<&Side>, at: &[ChosenPlace]) -> String {
 
 fn curves(
     plan: &Plan,
-    layout: &ChartLayout,
-    by: Option<&AxisColumn>,
+    layout: &ChartLayout<'_>,
+    by: Option<&AxisColumn<'_>>,
     y: &ShownQuantity,
     rows: Vec<(u64, f64)>,
 ) -> Chart {
     let x = &layout.x;
-    let across = Side::new(plan, x);
-    let count = by.map_or(1, |by| plan.axes()[by.axis].count);
+    let across = Side::new(x);
+    let count = by.map_or(1, |by| by.of.count);
     let mut points: Vec<Vec<(f64, f64)>> = vec![Vec::new(); count as usize];
     for (point, value) in rows {
         let curve = by.map_or(0, |by| plan.place(point, by.axis) as usize);
         let at = across.values[plan.place(point, x.axis) as usize];
         points[curve].push((at, value / y.unit));
     }
-    let by = by.map(|by| Side::new(plan, by));
+    let by = by.map(Side::new);
     let names = by.as_ref().map_or_else(Vec::new, Side::legend);
     let series = points.into_iter().enumerate().map(|(curve, mut points)| {
         points.sort_by(|one, other| one.0.total_cmp(&other.0));
-        Series {
-            name: names.get(curve).cloned().unwrap_or_default(),
-            ink: Ink::Curve(curve),
-            mark: if across.is_drawn {
-                Mark::Discs
-            } else {
-                Mark::Family(curve)
-            },
-            points,
-        }
+        let name = names.get(curve).cloned().unwrap_or_default();
+        let mark = if across.is_drawn {
+            Mark::Discs
+        } else {
+            Mark::Family(curve)
+        };
+        Series::new(name, Ink::Curve(curve), mark, points)
     });
     let panel = Panel::new(y.label(), series.collect()).note(note(plan, by.as_ref(), &layout.at));
-    let (low, high) = ends(&across.values);
+    let (low, high) = ends(across.values.iter().copied());
     // A text has room on both sides.
     let room = if across.texts.is_empty() { 0.0 } else { 0.5 };
     let axis = across.axis((low - room, high + room));
@@ -138,19 +135,19 @@ fn curves(
 
 fn map(
     plan: &Plan,
-    layout: &ChartLayout,
-    y: &AxisColumn,
+    layout: &ChartLayout<'_>,
+    y: &AxisColumn<'_>,
     value: &ShownQuantity,
     rows: &[(u64, f64)],
 ) -> anyhow::Result<Chart> {
     let x = &layout.x;
-    let across = Cells::new(plan, x).map_err(anyhow::Error::msg)?;
-    let up = Cells::new(plan, y).map_err(anyhow::Error::msg)?;
-    let (x_range, y_range) = (ends(&across.edges), ends(&up.edges));
+    let across = Cells::new(x).map_err(anyhow::Error::msg)?;
+    let up = Cells::new(y).map_err(anyhow::Error::msg)?;
+    let [x_range, y_range] = [&across, &up].map(|cells| ends(cells.edges.iter().copied()));
     let columns = across.edges.len() - 1;
     let mut values = vec![f64::NAN; columns * (up.edges.len() - 1)];
     for (point, found) in rows {
-        let cell = |cells: &Cells, of: &AxisColumn| cells.of_places[plan.place(*point, of.axis) as usize];
+        let cell = |cells: &Cells, of: &AxisColumn<'_>| cells.of_places[plan.place(*point, of.axis) as usize];
         let (column, row) = (cell(&across, x), cell(&up, y));
         values[row * columns + column] = found / value.unit;
     }

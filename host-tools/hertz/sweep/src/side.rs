@@ -6,10 +6,9 @@ use hertz_charts::{Axis as ChartAxis, Scale};
 
 use crate::axis::{Along, Values};
 use crate::column::AxisColumn;
-use crate::plan::Plan;
+use bead_tables::Cell;
 use bead_tables::printable::{beginning, one_line};
 use bead_tables::unit::Unit;
-use bead_tables::{Cell, CellKind};
 
 /// Letters of a text in a legend or a note, and of one at an axis.
 const TEXT_LETTERS: usize = 40;
@@ -46,25 +45,16 @@ impl ShownQuantity {
     }
 }
 
-/// The number at a place; a text has its place.
-pub(super) fn coordinate(along: Option<&Along>, place: u64) -> f64 {
-    match along.filter(|along| along.kind() != CellKind::Text) {
-        Some(along) => along.cell(place).as_f64().unwrap_or(f64::NAN),
-        None => place as f64,
-    }
-}
-
 /// The value at a place, for people. Where several keys change along the axis, other places may have that
 /// value, so the place follows.
-pub(super) fn label(plan: &Plan, column: &AxisColumn, place: u64) -> String {
-    let along = column.along(plan);
-    let number = coordinate(along, place);
-    let quantity = ShownQuantity::new(&column.name(plan), [number].into_iter());
-    let value = match along.filter(|along| along.kind() == CellKind::Text) {
+pub(super) fn label(column: &AxisColumn<'_>, place: u64) -> String {
+    let number = column.number(place);
+    let quantity = ShownQuantity::new(&column.name(), [number].into_iter());
+    let value = match column.of_texts() {
         Some(along) => text(along, place),
         None => short(&[number / quantity.unit]).concat(),
     };
-    let axis = plan.axes()[column.axis].name.as_ref().filter(|_| along.is_some());
+    let axis = column.of.name.as_ref().filter(|_| column.along.is_some());
     let place = axis.map_or_else(String::new, |axis| format!(" ({axis} {place})"));
     let label = format!("{} = {value} {}", quantity.name, quantity.symbol);
     format!("{}{place}", label.trim_end())
@@ -102,18 +92,18 @@ pub(super) struct Side {
 }
 
 impl Side {
-    pub(super) fn new(plan: &Plan, column: &AxisColumn) -> Self {
-        let (along, places) = (column.along(plan), 0..plan.axes()[column.axis].count);
-        let values: Vec<f64> = places.clone().map(|place| coordinate(along, place)).collect();
-        let texts = match along.filter(|along| along.kind() == CellKind::Text) {
+    pub(super) fn new(column: &AxisColumn<'_>) -> Self {
+        let places = 0..column.of.count;
+        let values: Vec<f64> = places.clone().map(|place| column.number(place)).collect();
+        let texts = match column.of_texts() {
             Some(along) => places.map(|place| text(along, place)).collect(),
             None => Vec::new(),
         };
-        let quantity = ShownQuantity::new(&column.name(plan), values.iter().copied());
-        let spacing = along.map(|along| &along.values);
+        let quantity = ShownQuantity::new(&column.name(), values.iter().copied());
+        let spacing = column.along.map(|along| &along.values);
         let is_log = matches!(
             spacing,
-            Some(Values::Log { .. } | Values::Drawn { log: true, .. })
+            Some(Values::Space { log: true, .. } | Values::Drawn { log: true, .. })
         );
         Self {
             values: values.iter().map(|value| value / quantity.unit).collect(),
@@ -144,7 +134,7 @@ impl Side {
 
     /// The axis of a chart, over a range. A single value has room around it.
     pub(super) fn axis(&self, (low, high): (f64, f64)) -> ChartAxis {
-        let is_single = position(low, self.scale) >= position(high, self.scale);
+        let is_single = self.scale.place(low) >= self.scale.place(high);
         let room = if is_single { 0.5 * low.abs().max(1e-9) } else { 0.0 };
         let (label, names) = self.names();
         ChartAxis {
@@ -154,20 +144,6 @@ impl Side {
             names,
         }
     }
-}
-
-/// The position of a value on an axis of this scale, in a length of its own.
-fn position(value: f64, scale: Scale) -> f64 {
-    match scale {
-        Scale::Log => value.log10(),
-        _ => value,
-    }
-}
-
-/// The least and the greatest value.
-pub(super) fn ends(values: &[f64]) -> (f64, f64) {
-    let of = |fold: fn(f64, f64) -> f64, start| values.iter().copied().fold(start, fold);
-    (of(f64::min, f64::INFINITY), of(f64::max, f64::NEG_INFINITY))
 }
 
 /// The cells of a map along one of its sides.
@@ -183,8 +159,8 @@ impl Cells {
     ///
     /// # Errors
     /// Two values are too near for cells of their own.
-    pub(super) fn new(plan: &Plan, column: &AxisColumn) -> Result<Self, String> {
-        let side = Side::new(plan, column);
+    pub(super) fn new(column: &AxisColumn<'_>) -> Result<Self, String> {
+        let side = Side::new(column);
         let (values, scale) = (&side.values, side.scale);
         // Drawn or listed values need not be in order.
         let mut order: Vec<usize> = (0..values.len()).collect();
@@ -196,7 +172,7 @@ impl Cells {
         let sorted: Vec<f64> = order.iter().map(|place| values[*place]).collect();
         let edges = edges(&sorted, scale);
         let mut cells = edges.windows(2);
-        if cells.all(|edges| position(edges[0], scale) < position(edges[1], scale)) {
+        if cells.all(|edges| scale.place(edges[0]) < scale.place(edges[1])) {
             return Ok(Self {
                 side,
                 edges,
@@ -204,11 +180,11 @@ impl Cells {
             });
         }
         // The places of an axis of several keys differ.
-        let axis = plan.axes()[column.axis].name.as_ref();
+        let axis = column.of.name.as_ref();
         let instead = axis.map_or_else(String::new, |axis| format!("a map over {axis}, or "));
         Err(format!(
             "some values of {} cannot be told apart; draw {instead}a curve",
-            column.name(plan)
+            column.name()
         ))
     }
 }
@@ -219,7 +195,7 @@ fn edges(values: &[f64], scale: Scale) -> Vec<f64> {
         Scale::Log => 10_f64.powf(position),
         _ => position,
     };
-    let positions: Vec<f64> = values.iter().map(|value| position(*value, scale)).collect();
+    let positions: Vec<f64> = values.iter().map(|value| scale.place(*value)).collect();
     let last = positions.len() - 1;
     let mut edges = vec![positions[0] - 0.5 * (positions[1] - positions[0])];
     edges.extend(positions.windows(2).map(|pair| 0.5 * (pair[0] + pair[1])));

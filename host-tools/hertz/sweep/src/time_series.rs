@@ -102,8 +102,9 @@ fn table<'a>(
 /// Runs a scenario, writes `rate_hz` rows a second from time 0 on, and returns the summary. Only some rows
 /// are held in memory, so the chain may have any length.
 ///
-/// # Errors The rate is no positive number, gives no second row or cannot show the scenario's drive, the
-/// scenario cannot be run, or the file cannot be written.
+/// # Errors
+/// The rate is no positive number, gives no second row or cannot show the scenario's drive, the scenario cannot
+/// be run, or the file cannot be written.
 pub fn write(
     scenario: &Scenario,
     options: &Options<'_>,
@@ -123,39 +124,35 @@ pub fn write(
     run.check(end, options.accuracy.longest_step)?;
     let mut summariser = Summariser::new(&mut run);
     let mut snapshots = Snapshots::new(&mut run, rate_hz, end);
-    let mut ran = Ok(ControlFlow::Continue(()));
-    target
-        .write(|file| {
-            let series = all_series(run.model());
-            let mut table = table(file, form, scenario, &series, rate_hz)?;
-            ran = run.watch_while(end, |step| {
-                summariser.observe(step);
-                if let Some(progress) = options.progress.filter(|_| step.number().is_multiple_of(64)) {
-                    progress(step.to() / end);
-                }
-                let mut written = Ok(());
-                snapshots.observe(step, |snapshot| {
-                    if written.is_ok() {
-                        let cells = series.iter().map(|(_, value)| Cell::Number(value(snapshot)));
-                        written = table.push(cells.collect());
-                    }
-                });
-                written.map_or_else(ControlFlow::Break, ControlFlow::Continue)
-            });
-            match &mut ran {
-                Ok(ControlFlow::Continue(())) => table.finish(),
-                Ok(ControlFlow::Break(error)) => Err(std::mem::replace(
-                    error,
-                    anyhow::anyhow!("the error has been reported"),
-                )),
-                // The file is dropped, and the error of the run is returned below.
-                Err(_) => anyhow::bail!("the run has not ended"),
+    let mut failure = None;
+    let written = target.write(|file| {
+        let series = all_series(run.model());
+        let mut table = table(file, form, scenario, &series, rate_hz)?;
+        let ran = run.watch_while(end, |step| {
+            summariser.observe(step);
+            if let Some(progress) = options.progress.filter(|_| step.number().is_multiple_of(64)) {
+                progress(step.to() / end);
             }
-        })
-        .map_err(|error| match ran {
-            Err(error) => anyhow::Error::from(error),
-            Ok(_) => error.into(),
-        })?;
+            let mut written = Ok(());
+            snapshots.observe(step, |snapshot| {
+                if written.is_ok() {
+                    let cells = series.iter().map(|(_, value)| Cell::Number(value(snapshot)));
+                    written = table.push(cells.collect());
+                }
+            });
+            written.map_or_else(ControlFlow::Break, ControlFlow::Continue)
+        });
+        match ran {
+            Ok(ControlFlow::Continue(())) => table.finish(),
+            Ok(ControlFlow::Break(error)) => Err(error),
+            // The file is dropped, and the error of the run is returned below.
+            Err(error) => Err(anyhow::anyhow!("{}", failure.insert(error))),
+        }
+    });
+    if let Some(error) = failure {
+        return Err(error.into());
+    }
+    written?;
     let mut summary = summariser.summary(&mut run);
     summary.solver.seconds = clock.elapsed().as_secs_f64();
     Ok(summary)

@@ -5,9 +5,9 @@ use hertz_charts::FAMILY;
 use crate::axis::SweepAxis;
 use crate::column::AxisColumn;
 use crate::plan::Plan;
-use crate::side::{self, Cells};
+use crate::side::{Cells, label};
+use bead_tables::Cell;
 use bead_tables::printable::first_of;
-use bead_tables::{Cell, CellKind};
 
 /// The options of a chart; those that are left out follow from the sweep.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -25,16 +25,16 @@ pub struct View {
 }
 
 /// The layout of a chart.
-pub(super) struct ChartLayout {
-    pub(super) x: AxisColumn,
-    pub(super) form: ChartForm,
+pub(super) struct ChartLayout<'a> {
+    pub(super) x: AxisColumn<'a>,
+    pub(super) form: ChartForm<'a>,
     pub(super) at: Vec<ChosenPlace>,
 }
 
 /// Curves of a result, or a map of a result.
-pub(super) enum ChartForm {
-    Curves { y: String, by: Option<AxisColumn> },
-    Map { y: AxisColumn, value: String },
+pub(super) enum ChartForm<'a> {
+    Curves { y: String, by: Option<AxisColumn<'a>> },
+    Map { y: AxisColumn<'a>, value: String },
 }
 
 /// A place on an axis, chosen by --at.
@@ -71,19 +71,19 @@ impl View {
     ///
     /// # Errors
     /// As [`check`](Self::check).
-    pub(super) fn layout(&self, plan: &Plan) -> Result<ChartLayout, String> {
+    pub(super) fn layout<'a>(&self, plan: &'a Plan) -> Result<ChartLayout<'a>, String> {
         let mut axes = OpenAxes::new(self, plan)?;
         let is_map = self.is_map(plan, &axes);
         axes.needs_two = is_map;
         let x = axes.take(self.x.as_deref(), "--x", is_map)?;
         let form = if is_map {
-            self.map_form(plan, &mut axes, &x)?
+            self.map_form(&mut axes, &x)?
         } else {
-            self.curves_form(plan, &mut axes, &x)?
+            self.curves_form(&mut axes, &x)?
         };
         axes.check_none_left()?;
         let layout = ChartLayout { x, form, at: axes.at };
-        layout.check_size(plan)?;
+        layout.check_size()?;
         Ok(layout)
     }
 
@@ -95,22 +95,22 @@ impl View {
         }
     }
 
-    fn map_form(&self, plan: &Plan, axes: &mut OpenAxes<'_>, x: &AxisColumn) -> Result<ChartForm, String> {
+    fn map_form<'a>(&self, axes: &mut OpenAxes<'a>, x: &AxisColumn<'_>) -> Result<ChartForm<'a>, String> {
         let y = axes.take(self.y.as_deref(), "--y", false)?;
         if y.axis == x.axis {
             return Err("a map needs two axes of the sweep, and --x and --y are of one".to_owned());
         }
-        let value = result(plan, self.map.as_deref().filter(|name| !name.is_empty()))?;
+        let value = result(axes.plan, self.map.as_deref().filter(|name| !name.is_empty()))?;
         Ok(ChartForm::Map { y, value })
     }
 
-    fn curves_form(&self, plan: &Plan, axes: &mut OpenAxes<'_>, x: &AxisColumn) -> Result<ChartForm, String> {
+    fn curves_form<'a>(&self, axes: &mut OpenAxes<'a>, x: &AxisColumn<'_>) -> Result<ChartForm<'a>, String> {
         let by = self.by.as_deref().map(|by| axes.take(Some(by), "--by", false));
         let by = by.transpose()?;
         if by.as_ref().is_some_and(|by| by.axis == x.axis) {
             return Err("--x and --by are of one axis; give two".to_owned());
         }
-        let y = result(plan, self.y.as_deref())?;
+        let y = result(axes.plan, self.y.as_deref())?;
         Ok(ChartForm::Curves { y, by })
     }
 }
@@ -177,18 +177,15 @@ impl<'a> OpenAxes<'a> {
     }
 
     /// Takes the column of an option; without a name, the first or last axis that is left.
-    fn take(&mut self, name: Option<&str>, option: &str, last: bool) -> Result<AxisColumn, String> {
-        let axes = self.plan.axes();
+    fn take(&mut self, name: Option<&str>, option: &str, last: bool) -> Result<AxisColumn<'a>, String> {
         let column = match name {
             Some(name) => AxisColumn::find(self.plan, name).ok_or_else(|| {
-                let known = first_of(axes.iter().map(SweepAxis::index), NAMES);
+                let known = first_of(self.plan.axes().iter().map(SweepAxis::index), NAMES);
                 format!("{name} is no column of an axis of this sweep; there are {known}")
             })?,
             None => {
                 let axis = if last { self.open.last() } else { self.open.first() };
-                let axis = *axis.ok_or_else(|| self.nothing_left(option))?;
-                let along = axes[axis].name.is_none().then_some(0);
-                AxisColumn { axis, along }
+                AxisColumn::index(self.plan, *axis.ok_or_else(|| self.nothing_left(option))?)
             }
         };
         if self.at.iter().any(|place| place.axis == column.axis) {
@@ -223,14 +220,13 @@ impl<'a> OpenAxes<'a> {
     }
 }
 
-impl ChartLayout {
+impl ChartLayout<'_> {
     /// Checks that the chart can be seen.
-    fn check_size(&self, plan: &Plan) -> Result<(), String> {
-        let count = |column: &AxisColumn| plan.axes()[column.axis].count;
-        let across = count(&self.x);
+    fn check_size(&self) -> Result<(), String> {
+        let across = self.x.of.count;
         match &self.form {
             ChartForm::Curves { by, .. } => {
-                let curves = by.as_ref().map_or(1, count);
+                let curves = by.map_or(1, |by| by.of.count);
                 if curves > MOST_CURVES {
                     return Err(format!(
                         "{curves} curves cannot be told apart; choose {MOST_CURVES} at most, or draw a map"
@@ -245,7 +241,7 @@ impl ChartLayout {
                 }
             }
             ChartForm::Map { y, .. } => {
-                let up = count(y);
+                let up = y.of.count;
                 if across < 2 || up < 2 {
                     return Err(NO_MAP.to_owned());
                 }
@@ -254,7 +250,7 @@ impl ChartLayout {
                         "a map of {across} × {up} cells is more than can be seen; {MOST_CELLS} are the most"
                     ));
                 }
-                Cells::new(plan, &self.x).and(Cells::new(plan, y))?;
+                Cells::new(&self.x).and(Cells::new(y))?;
             }
         }
         Ok(())
@@ -267,18 +263,16 @@ impl ChosenPlace {
         let wrong = || format!("--at {text}: write COLUMN=VALUE with a column of an axis");
         let (name, value) = text.split_once('=').ok_or_else(wrong)?;
         let column = AxisColumn::find(plan, name.trim()).ok_or_else(wrong)?;
-        let (along, value) = (column.along(plan), value.trim());
-        let mut places = 0..plan.axes()[column.axis].count;
-        let place = match along.filter(|along| along.kind() == CellKind::Text) {
+        let (value, mut places) = (value.trim(), 0..column.of.count);
+        let place = match column.of_texts() {
             Some(along) => places
                 .find(|place| along.cell(*place) == Cell::Text(value.into()))
                 .ok_or_else(|| format!("--at {text}: no point has that value"))?,
             None => {
-                let number: Option<f64> = value.parse().ok();
-                let number = number.filter(|number| number.is_finite());
+                let number = value.parse().ok().filter(|number: &f64| number.is_finite());
                 let number =
                     number.ok_or_else(|| format!("--at {text}: the value must be a finite number"))?;
-                let distances = places.map(|place| (place, (side::coordinate(along, place) - number).abs()));
+                let distances = places.map(|place| (place, (column.number(place) - number).abs()));
                 let nearest = distances.min_by(|one, other| one.1.total_cmp(&other.1));
                 nearest.ok_or_else(wrong)?.0
             }
@@ -286,7 +280,7 @@ impl ChosenPlace {
         Ok(Self {
             axis: column.axis,
             place,
-            label: side::label(plan, &column, place),
+            label: label(&column, place),
         })
     }
 }
