@@ -96,11 +96,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
 
 /// The search of a result, as a comment in its file.
 fn found(aim: Aim, optimum: &Optimum) -> String {
-    let speeds: Vec<_> = optimum
-        .strikes
-        .iter()
-        .map(|strike| strike.speed.to_string())
-        .collect();
+    let speeds = optimum.strikes.iter().map(|strike| strike.speed.to_string());
+    let speeds: Vec<_> = speeds.collect();
     let of = match (&speeds[..], aim) {
         ([_], _) => "",
         (_, Aim::Worst) => "at most ",
@@ -221,10 +218,8 @@ impl SearchReport {
         };
         let grams = |mass: f64| format!("{:.3}", mass * 1e3);
         let row = |name: &str, together: String, share: f64| [name.to_owned(), together, percent(share)];
-        let others = self
-            .compared
-            .iter()
-            .map(|other| row(other.name, grams(other.mass_kg), other.share));
+        let others = self.compared.iter();
+        let others = others.map(|other| row(other.name, grams(other.mass_kg), other.share));
         let best = [
             row("best that are all alike", String::new(), optimum.share_alike),
             row("best", grams(total_mass(&optimum.intruders)), optimum.share),
@@ -253,18 +248,15 @@ impl SearchReport {
         let optimum = &self.optimum;
         let (unit, size) = unit(optimum.objective);
         let values = optimum.values.iter().zip(&optimum.without);
-        let rows = optimum
-            .strikes
-            .iter()
-            .zip(values)
-            .map(|(strike, (value, without))| {
-                [
-                    strike.speed.to_string(),
-                    format!("{:.4}", value / size),
-                    format!("{:.4}", without / size),
-                    percent(value / without),
-                ]
-            });
+        let strikes = optimum.strikes.iter().zip(values);
+        let rows = strikes.map(|(strike, (value, without))| {
+            [
+                strike.speed.to_string(),
+                format!("{:.4}", value / size),
+                format!("{:.4}", without / size),
+                percent(value / without),
+            ]
+        });
         let name = name(optimum.objective);
         let header = format!("strike (m/s) | {name} ({unit}) | without intruders ({unit}) | part (%)");
         output::table(&header, rows)
@@ -288,30 +280,23 @@ impl SearchReport {
             Some(_) => [0.0, f64::INFINITY],
             None => self.damping_n_s_per_m,
         };
-        let strikes = &self.optimum.strikes;
-        let rows = self
-            .optimum
-            .intruders
-            .iter()
-            .enumerate()
-            .map(|(index, intruder)| {
-                let (mass, stiffness, damping) = (intruder.mass, intruder.stiffness, intruder.damping);
-                let of_injected = strikes.iter().map(|strike| strike.intruders[index].of_injected);
-                [
-                    intruder.beads.iter().map(usize::to_string).collect(),
-                    figure(mass, 1e-3, self.mass_kg),
-                    figure(stiffness, 1e3, self.stiffness_n_per_m),
-                    figure(damping, 1.0, dampings),
-                    format!("{:.0}", (stiffness / mass).sqrt() / std::f64::consts::TAU),
-                    format!("{:.3}", damping / (2.0 * (stiffness * mass).sqrt())),
-                    figure(
-                        self.optimum.strokes[index],
-                        1e-6,
-                        [0.0, self.stroke_m.unwrap_or(f64::INFINITY)],
-                    ),
-                    percent(of_injected.sum::<f64>() / strikes.len() as f64),
-                ]
-            });
+        let Optimum { strikes, strokes, .. } = &self.optimum;
+        let room = [0.0, self.stroke_m.unwrap_or(f64::INFINITY)];
+        let intruders = self.optimum.intruders.iter().enumerate();
+        let rows = intruders.map(|(index, intruder)| {
+            let (mass, stiffness, damping) = (intruder.mass, intruder.stiffness, intruder.damping);
+            let of_injected = strikes.iter().map(|strike| strike.intruders[index].of_injected);
+            [
+                intruder.beads.iter().map(usize::to_string).collect(),
+                figure(mass, 1e-3, self.mass_kg),
+                figure(stiffness, 1e3, self.stiffness_n_per_m),
+                figure(damping, 1.0, dampings),
+                format!("{:.0}", (stiffness / mass).sqrt() / std::f64::consts::TAU),
+                format!("{:.3}", damping / (2.0 * (stiffness * mass).sqrt())),
+                figure(strokes[index], 1e-6, room),
+                percent(of_injected.sum::<f64>() / strikes.len() as f64),
+            ]
+        });
         let columns = "m (g) | k (kN/m) | c (N·s/m) | f0 (Hz) | ζ | stroke (µm) | absorbed (%)";
         let Some(choice) = &self.optimum.springs else {
             return output::table(&format!("bead | {columns}"), rows);
@@ -363,6 +348,7 @@ fn of_spread(robustness: &Robustness, share: f64, strokes: &[f64]) -> String {
 }
 
 fn remarks(optimum: &Optimum) -> Vec<String> {
+    let robust = optimum.robustness.as_ref();
     let mut remarks = vec![format!(
         "{} runs: {} designs, and {} gradients that count as {} runs each. The search saw {:.5} %, the reference accuracy {:.5} %. A chain twice as long changes that by {:.5} %.",
         optimum.evaluations,
@@ -370,11 +356,7 @@ fn remarks(optimum: &Optimum) -> Vec<String> {
         optimum.gradients,
         Search::GRADIENT_RUNS,
         100.0 * optimum.share_searched,
-        100.0
-            * optimum
-                .robustness
-                .as_ref()
-                .map_or(optimum.share, |found| found.worst),
+        100.0 * robust.map_or(optimum.share, |found| found.worst),
         100.0 * optimum.far_end,
     )];
     remarks.push(match (optimum.settled, optimum.stopped) {

@@ -130,26 +130,20 @@ impl FrontReport {
     }
 
     fn chart(&self) -> Chart {
-        let points = |of: fn(&Optimum) -> f64| {
+        let grams = |point: &FrontPoint| point.total_mass_kg * 1e3;
+        let series = |name: &str, curve, mark, share: fn(&Optimum) -> f64| {
             let points = self
                 .front
                 .iter()
-                .map(|point| (point.total_mass_kg * 1e3, 100.0 * of(&point.optimum)));
-            points.collect::<Vec<_>>()
+                .map(|point| (grams(point), 100.0 * share(&point.optimum)));
+            Series::new(name, Ink::Curve(curve), mark, points)
         };
-        let series = |name: &str, ink, mark, points| Series {
-            name: name.to_owned(),
-            ink,
-            mark,
-            points,
-        };
-        let (best, alike) = (points(|one| one.share), points(|one| one.share_alike));
-        let heaviest = best.iter().fold(0.0_f64, |most, point| most.max(point.0));
         let curves = vec![
-            series("best", Ink::Curve(0), Mark::Line, best.clone()),
-            series("", Ink::Curve(0), Mark::Discs, best),
-            series("best that are all alike", Ink::Curve(1), Mark::Dashed, alike),
+            series("best", 0, Mark::Line, |one| one.share),
+            series("", 0, Mark::Discs, |one| one.share),
+            series("best that are all alike", 1, Mark::Dashed, |one| one.share_alike),
         ];
+        let heaviest = self.front.iter().map(grams).fold(0.0, f64::max);
         let axis = Axis::new("all intruders together, at most (g)", 0.0..heaviest * 1.02);
         Chart::new(axis, vec![Panel::new(self.label(), curves).height(260)])
     }

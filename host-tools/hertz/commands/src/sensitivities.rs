@@ -102,19 +102,20 @@ pub(crate) fn table(summary: &Summary, rows: &[ParameterSensitivities]) -> Strin
         let name = format!("dissipated in bead {}", intruder.bead);
         add(name, intruder.dissipated, &|row| row.dissipated[index]);
     }
-    add("striker, final".to_owned(), energy.striker_final, &|row| {
-        row.striker_final
-    });
-    add("chain, final".to_owned(), energy.chain_final, &|row| {
-        row.chain_final
-    });
-    add("intruders, final".to_owned(), energy.intruders_final, &|row| {
-        row.intruders_final
-    });
-    let contacts = energy.dissipated_contacts;
-    add("dissipated in contacts".to_owned(), contacts, &|row| {
-        row.dissipated_contacts
-    });
+    type Of = fn(&ParameterSensitivities) -> f64;
+    let energies: [(&str, f64, Of); 4] = [
+        ("striker, final", energy.striker_final, |row| row.striker_final),
+        ("chain, final", energy.chain_final, |row| row.chain_final),
+        ("intruders, final", energy.intruders_final, |row| {
+            row.intruders_final
+        }),
+        ("dissipated in contacts", energy.dissipated_contacts, |row| {
+            row.dissipated_contacts
+        }),
+    ];
+    for (name, value, by) in energies {
+        add(name.to_owned(), value, &by);
+    }
     let header = rows.iter().fold("% for 1 % more of".to_owned(), |header, row| {
         format!("{header} | {}", row.parameter)
     });
@@ -124,10 +125,8 @@ pub(crate) fn table(summary: &Summary, rows: &[ParameterSensitivities]) -> Strin
         let numbers = relative.into_iter().map(percent);
         std::iter::once(name).chain(numbers).collect::<Vec<_>>()
     });
-    let at_end = summary
-        .peak_force
-        .iter()
-        .filter(|peak| peak.time >= summary.final_state.time);
+    let end = summary.final_state.time;
+    let at_end = summary.peak_force.iter().filter(|peak| peak.time >= end);
     let at_end: Vec<_> = at_end.map(|peak| peak.contact.to_string()).collect();
     let table = output::table(&header, cells);
     if at_end.is_empty() {

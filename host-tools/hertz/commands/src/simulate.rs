@@ -49,11 +49,8 @@ pub struct Arguments {
 /// [`Failure`], which carries the exit status.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let scenario = Scenario::load(&arguments.scenario)?;
-    let out = arguments
-        .out
-        .as_deref()
-        .map(|path| output_file(path, arguments))
-        .transpose()?;
+    let out = arguments.out.as_deref().map(|path| output_file(path, arguments));
+    let out = out.transpose()?;
     let progress = output::part_done(format!("of {} beads simulated", scenario.chain.beads));
     let accuracy = Options::default().accuracy;
     let fewest = Run::new(&scenario, accuracy)?.fewest_steps(scenario.duration, accuracy.longest_step);

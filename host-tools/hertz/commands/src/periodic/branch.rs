@@ -7,7 +7,7 @@ use std::sync::atomic::Ordering;
 use hertz_chain::{
     Bifurcation, Branch, BranchEnd, BranchOptions, BranchPoint, DriveParameter, PeriodicState,
 };
-use hertz_charts::{Axis, Chart, Ink, Mark, Panel, Series};
+use hertz_charts::{Axis, Chart, Ink, Mark, Panel, Series, ends};
 
 use super::motion::{Motion, unit_of_amplitude};
 use bead_console::prelude::*;
@@ -173,42 +173,30 @@ impl BranchReport {
     pub(super) fn chart(&self, parameter: DriveParameter, title: &str) -> Chart {
         let mut curves: Vec<Series> = Vec::new();
         let place = |point: &BranchMotion| (point.motion.value(parameter), point.motion.greatest_force());
-        let names = [(true, "stable", Mark::Line), (false, "unstable", Mark::Dashed)];
         for pair in self.points.windows(2) {
-            let is_stable = pair[1].motion.stable;
-            let (_, name, mark) = names[usize::from(!is_stable)];
+            let (curve, name, mark) = if pair[1].motion.stable {
+                (0, "stable", Mark::Line)
+            } else {
+                (1, "unstable", Mark::Dashed)
+            };
             let goes_on = curves.last().is_some_and(|curve| curve.mark == mark);
             if !goes_on {
                 let is_first = curves.iter().all(|curve| curve.mark != mark);
-                curves.push(Series {
-                    name: if is_first { name } else { "" }.to_owned(),
-                    ink: Ink::Curve(usize::from(!is_stable)),
-                    mark,
-                    points: vec![place(&pair[0])],
-                });
+                let name = if is_first { name } else { "" };
+                curves.push(Series::new(name, Ink::Curve(curve), mark, [place(&pair[0])]));
             }
             if let Some(curve) = curves.last_mut() {
                 curve.points.push(place(&pair[1]));
             }
         }
-        let folds = self
-            .points
-            .iter()
-            .filter(|point| point.bifurcation == Some("fold"));
-        let folds: Vec<_> = folds.map(place).collect();
-        if !folds.is_empty() {
-            curves.push(Series {
-                name: "fold".to_owned(),
-                ink: Ink::Curve(2),
-                mark: Mark::Discs,
-                points: folds,
-            });
+        let is_fold = |point: &&BranchMotion| point.bifurcation == Some("fold");
+        let folds = self.points.iter().filter(is_fold).map(place);
+        let folds = Series::new("fold", Ink::Curve(2), Mark::Discs, folds);
+        if !folds.points.is_empty() {
+            curves.push(folds);
         }
-        let values = || self.points.iter().map(|point| point.motion.value(parameter));
-        let (low, high) = (
-            values().fold(f64::INFINITY, f64::min),
-            values().fold(0.0, f64::max),
-        );
+        let values = self.points.iter().map(|point| point.motion.value(parameter));
+        let (low, high) = ends(values);
         let axis = Axis::new(self.label(), low..high);
         let mut chart = Chart::new(axis, vec![Panel::new("greatest force (N)", curves).height(280)]);
         chart.description = format!("Motions that repeat: {title}");

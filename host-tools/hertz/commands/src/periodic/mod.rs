@@ -85,12 +85,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     spinner.finish_and_clear();
     let mut report = PeriodicReport {
         motion: Motion::of(&state)?,
-        multipliers: state
-            .multipliers()
-            .iter()
-            .copied()
-            .map(Multiplier::from)
-            .collect(),
+        multipliers: state.multipliers().iter().copied().map(Into::into).collect(),
         residual: state.residual(),
         branch: None,
     };
