@@ -14,12 +14,8 @@ const SOURCE: &str = concat!(env!("CARGO_PKG_REPOSITORY"), "/blob/main/");
 /// # Errors
 /// mdBook cannot be installed or does not accept a page.
 pub(crate) fn render(steps: &Steps) -> Result<(), Stop> {
-    let mdbook = tools::installed(
-        steps,
-        "mdbook",
-        "0.5.4",
-        "--no-default-features --features search",
-    )?;
+    let options = "--no-default-features --features search";
+    let mdbook = tools::installed(steps, "mdbook", "0.5.4", options)?;
     let [pages, book] = ["book-pages", "book"].map(|name| steps.target.join(name));
     gather(&steps.root.join("docs"), &pages)?;
     let build = CommandLine::program(mdbook).words("build").arg(&pages);

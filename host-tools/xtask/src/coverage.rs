@@ -159,13 +159,8 @@ impl Lines {
             if !place.file.starts_with(OWN) {
                 continue;
             }
-            let line = self
-                .files
-                .entry(place.file.clone())
-                .or_default()
-                .entry(place.line)
-                .or_default();
-            *line |= is_reached(bits, addresses);
+            let lines = self.files.entry(place.file.clone()).or_default();
+            *lines.entry(place.line).or_default() |= is_reached(bits, addresses);
         }
         for (name, ranges) in &code.functions {
             // A function is the image's own if its first line is.
@@ -173,10 +168,8 @@ impl Lines {
             let Some(&place) = place.filter(|place| place.file.starts_with(OWN)) else {
                 continue;
             };
-            let function = self
-                .functions
-                .entry(name.clone())
-                .or_insert((place.clone(), false));
+            let functions = self.functions.entry(name.clone());
+            let function = functions.or_insert((place.clone(), false));
             function.1 |= ranges.iter().any(|range| is_reached(bits, range));
         }
     }
@@ -212,11 +205,8 @@ impl Lines {
     fn unreached(&self) -> String {
         let mut text = String::new();
         for (file, lines) in &self.files {
-            let missing: Vec<u32> = lines
-                .iter()
-                .filter(|(_, reached)| !**reached)
-                .map(|(line, _)| *line)
-                .collect();
+            let missing = lines.iter().filter(|(_, reached)| !**reached);
+            let missing: Vec<u32> = missing.map(|(line, _)| *line).collect();
             if missing.is_empty() {
                 continue;
             }

@@ -12,7 +12,7 @@ pub(crate) fn cannot<E: Display>(action: &str, path: &Path) -> impl Fn(E) -> Sto
     move |error| Stop::failed(format!("cannot {action} {}: {error}", path.display()))
 }
 
-/// Whatever is in a folder, in the order of the names.
+/// The files and folders in a folder, in the order of their names.
 pub(crate) fn entries(folder: &Path) -> Result<Vec<PathBuf>, Stop> {
     let read = || {
         fs::read_dir(folder)?

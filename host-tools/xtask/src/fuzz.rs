@@ -1,6 +1,6 @@
 //! The fuzz targets of `fuzz/`, by cargo-fuzz.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use crate::files;
 use crate::nightly;
@@ -70,15 +70,9 @@ pub(crate) fn fuzz(steps: &Steps, words: &[&String]) -> Result<(), Stop> {
 
 /// The targets, by their folders of seeds.
 fn targets(root: &Path) -> Result<Vec<String>, Stop> {
-    let folders = files::entries(&root.join("fuzz/corpus"))?.into_iter();
-    let name = |folder: PathBuf| {
-        folder
-            .file_name()
-            .unwrap_or_default()
-            .to_string_lossy()
-            .into_owned()
-    };
-    Ok(folders.map(name).collect())
+    let folders = files::entries(&root.join("fuzz/corpus"))?;
+    let names = folders.iter().filter_map(|folder| folder.file_name()?.to_str());
+    Ok(names.map(str::to_owned).collect())
 }
 
 /// A time such as `90s`, `10m` or `1h`, in s.

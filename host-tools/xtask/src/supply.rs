@@ -71,10 +71,8 @@ fn page(steps: &Steps) -> Result<String, Stop> {
             CommandLine::new("cargo tree --locked --prefix none --edges normal,no-proc-macro --format")
                 .arg("{p}|{l}")
                 .words(product.packages);
-        let tree = product
-            .targets
-            .iter()
-            .fold(tree, |tree, target| tree.arg("--target").arg(target));
+        let targets = product.targets.iter();
+        let tree = targets.fold(tree, |tree, target| tree.arg("--target").arg(target));
         let linked = steps.read(product.title, &tree)?;
         let rows: BTreeSet<String> = linked.lines().filter_map(row).collect();
         page += &format!("\n## {}\n\n{} packages.\n\n", product.title, rows.len());

@@ -37,16 +37,14 @@ const WALLS: [(&str, &[&str]); 14] = [
     ("stm32f405-qemu", &["bead-", "absorber-bead", "hertz-", "clap"]),
 ];
 
-/// The emulator is depended upon without its runner, which has a command line.
-const AS_LIBRARY: [&str; 1] = ["--no-default-features"];
-
 #[test]
 fn what_knows_no_emulator_builds_without_it() {
     for (package, forbidden) in WALLS {
         let tree = Command::new(env!("CARGO"))
             .args("tree --locked --offline --prefix none --edges normal,build".split(' '))
             .args(["--format", "{p}", "--package", package])
-            .args(AS_LIBRARY.iter().filter(|_| package == "stm32f405-qemu"))
+            // The emulator is depended upon without its runner, which has a command line.
+            .args((package == "stm32f405-qemu").then_some("--no-default-features"))
             .output()
             .unwrap();
         let text = String::from_utf8(tree.stdout).unwrap();
