@@ -9,8 +9,9 @@ use hertz_chain::{
     Accuracy, EnsembleOptions, EnsembleOutcome, Options, Scenario, SimulateError, ensemble, simulate_with,
 };
 use pulp::{Arch, Simd, WithSimd};
+use rayon::{ThreadPool, ThreadPoolBuilder};
 
-use crate::report::Measurements;
+use crate::report::{Aim, Measurements};
 
 /// Evaluations of the equations of motion a step.
 const STAGES: f64 = 9.0;
@@ -65,12 +66,14 @@ impl WithSimd for Roots {
     }
 }
 
+/// One thread.
+pub(crate) static ALONE: LazyLock<ThreadPool> = LazyLock::new(|| {
+    let pool = ThreadPoolBuilder::new().num_threads(1).build();
+    pool.expect("a thread can be had")
+});
+
 /// Runs chains on one thread.
 pub(crate) fn alone(chains: &[Scenario]) -> Vec<Result<EnsembleOutcome, SimulateError>> {
-    static ALONE: LazyLock<rayon::ThreadPool> = LazyLock::new(|| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
-        pool.expect("a thread can be had")
-    });
     ALONE.install(|| ensemble(chains, &EnsembleOptions::default()))
 }
 
@@ -94,13 +97,13 @@ pub(crate) fn measure(report: &mut Measurements, quick: bool) {
     let contacts = chains[0].chain.beads as f64;
     let bound = roots / (STAGES * contacts * steps as f64 / chains.len() as f64);
     let name = "ensemble of chains like A, chains a second and core";
-    report.at_least(name, Some(rate), 20_000.0, "chains/s");
+    report.goal(name, Some(rate), Aim::AtLeast(20_000.0), "chains/s");
     let name = format!(
         "the same: greatest error of the absorbed energy of {} chains",
         chains.len()
     );
-    report.at_most(name, Some(error), 1e-6, "of that energy");
+    report.goal(name, Some(error), Aim::AtMost(1e-6), "of that energy");
     // All that a chain can do but take the square roots of all contacts at every stage is in the rest.
     let name = "the same: share of what the square roots of all contacts alone would allow";
-    report.at_least(name, Some(rate / bound), 0.3, "");
+    report.goal(name, Some(rate / bound), Aim::AtLeast(0.3), "");
 }

@@ -3,7 +3,7 @@
 use hertz_chain::{Accuracy, Scenario};
 
 use crate::ours;
-use crate::report::Measurements;
+use crate::report::{Aim, Measurements};
 
 const ACCURACY: Accuracy = Accuracy::new(1e-10, 1.0);
 
@@ -40,14 +40,14 @@ pub(crate) fn measure(report: &mut Measurements, quick: bool) {
         );
         let exponent = (long / short).log2() / (most as f64 / 256.0).log2();
         let name = format!("{name} chain: exponent of time, 256 to {most} beads");
-        report.at_most(name, Some(exponent), target, "");
+        report.goal(name, Some(exponent), Aim::AtMost(target), "");
     }
     let milliseconds = 1e3 * seconds(16_384, 0.0, rounds);
     let name = "16,384 elastic beads crossed at tolerance 1e-10";
-    report.at_most(name, Some(milliseconds), 100.0, "ms");
+    report.goal(name, Some(milliseconds), Aim::AtMost(100.0), "ms");
     let mut huge = scenario(100_000, 4.2e-6);
     huge.duration = 1e-3;
     std::hint::black_box(ours::end(&huge, ACCURACY));
     let name = "100,000 beads: greatest memory of the whole process";
-    report.at_most(name, memory(), 1.0, "GB");
+    report.goal(name, memory(), Aim::AtMost(1.0), "GB");
 }

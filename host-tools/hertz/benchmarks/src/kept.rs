@@ -2,7 +2,7 @@
 
 use crate::cases::Case;
 use crate::ours;
-use crate::report::Measurements;
+use crate::report::{Aim, Measurements};
 
 /// Greatest ratio aimed at.
 const MOST: f64 = 1.15;
@@ -26,12 +26,12 @@ pub(crate) fn measure(report: &mut Measurements, cases: &[Case], quick: bool) {
             "{}, 1000 samples: a run that keeps its motion, over one that is sampled as it goes",
             case.name
         );
-        report.at_most(name, Some(kept / streamed), MOST, "");
+        report.goal(name, Some(kept / streamed), Aim::AtMost(MOST), "");
         let name = format!(
             "{}, 1000 samples: error of a run that keeps its motion",
             case.name
         );
         let error = case.sampled_error(&ours::kept_samples(&case.scenario, accuracy));
-        report.at_most(name, Some(error), 1e-9, "of the greatest velocity");
+        report.goal(name, Some(error), Aim::AtMost(1e-9), "of the greatest velocity");
     }
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::Command;
 
 use crate::cases::Case;
-use crate::report::Measurements;
+use crate::report::{Aim, Measurements};
 use crate::{ensemble, ours};
 
 /// Names of the timed cases.
@@ -32,11 +32,9 @@ pub(crate) fn print() {
 fn round(program: &Path) -> Result<Vec<f64>, String> {
     let told = Command::new(program).arg("--pace").output();
     let told = told.map_err(|error| format!("cannot run {}: {error}", program.display()))?;
-    let text = String::from_utf8_lossy(&told.stdout).into_owned();
-    let seconds: Vec<f64> = text
-        .split_whitespace()
-        .filter_map(|word| word.parse().ok())
-        .collect();
+    let text = String::from_utf8_lossy(&told.stdout);
+    let words = text.split_whitespace();
+    let seconds: Vec<f64> = words.filter_map(|word| word.parse().ok()).collect();
     if seconds.len() == NAMES.len() {
         return Ok(seconds);
     }
@@ -57,7 +55,7 @@ pub(crate) fn compare(report: &mut Measurements, native: &Path, rounds: usize) -
     for (at, name) in NAMES.iter().enumerate() {
         let more = 100.0 * (least[0][at] / least[1][at] - 1.0);
         let name = format!("{name}: time of the portable program beyond that of a native one");
-        report.at_most(name, Some(more), 5.0, "%");
+        report.goal(name, Some(more), Aim::AtMost(5.0), "%");
     }
     Ok(())
 }

@@ -12,6 +12,14 @@ use crate::ours::SAMPLES;
 /// Unit of displacements, m.
 const UNIT: f64 = 1e-5;
 
+/// The inverse mass of each body, 1/kg; of the host without its intruder.
+pub(crate) fn inverse_masses(model: &Model) -> Vec<f64> {
+    let intruder = &model.intruders()[0];
+    let mut inverse: Vec<f64> = (0..model.bodies()).map(|body| 1.0 / model.mass(body)).collect();
+    inverse[intruder.bead] = 1.0 / (model.mass(intruder.bead) - intruder.oscillator.mass);
+    inverse
+}
+
 /// Bodies 0..=N, contacts and one intruder, with D = 2 (N + 2) components: displacements and that of the
 /// intruder relative to its host, then their rates.
 #[derive(Debug, Clone)]
@@ -30,12 +38,10 @@ impl<const D: usize> PeerChain<D> {
         assert_eq!(D, 2 * (model.bodies() + 1));
         let intruder = &model.intruders()[0];
         let oscillator = intruder.oscillator;
-        let mut inverse: Vec<f64> = (0..model.bodies()).map(|body| 1.0 / model.mass(body)).collect();
-        inverse[intruder.bead] = 1.0 / (model.mass(intruder.bead) - oscillator.mass);
         Self {
             stiffness: (1..model.bodies()).map(|j| model.contact(j).stiffness).collect(),
             viscosity: 1.5 * model.contact(2).relaxation,
-            inverse,
+            inverse: inverse_masses(model),
             host: intruder.bead,
             oscillator: [oscillator.mass, oscillator.stiffness, oscillator.damping],
             speed: model.striker_speed(),

@@ -7,6 +7,7 @@ use hertz_chain::{Accuracy, Model, Scenario};
 use serde_json::{Value, json};
 
 use crate::cases::Case;
+use crate::peers::inverse_masses;
 use crate::report::Foreign;
 use crate::{ensemble, ours};
 
@@ -19,18 +20,11 @@ fn constants(case: &Case) -> Value {
     let model = Model::of(&case.scenario).expect("the case is sound");
     let intruder = &model.intruders()[0];
     let oscillator = intruder.oscillator;
-    let held = |body: usize| {
-        if body == intruder.bead {
-            oscillator.mass
-        } else {
-            0.0
-        }
-    };
     json!({
         "name": case.name,
         "stiffness": (1..model.bodies()).map(|j| model.contact(j).stiffness).collect::<Vec<_>>(),
         "viscosity": 1.5 * model.contact(2).relaxation,
-        "inverse": (0..model.bodies()).map(|body| 1.0 / (model.mass(body) - held(body))).collect::<Vec<_>>(),
+        "inverse": inverse_masses(&model),
         "host": intruder.bead,
         "oscillator": [oscillator.mass, oscillator.stiffness, oscillator.damping],
         "speed": model.striker_speed(),

@@ -92,6 +92,13 @@ pub(crate) struct Comparison {
     pub(crate) target: f64,
 }
 
+/// The bound that a number is to keep.
+#[derive(Clone, Copy)]
+pub(crate) enum Aim {
+    AtLeast(f64),
+    AtMost(f64),
+}
+
 /// A number that was aimed at.
 #[derive(Debug, Serialize)]
 pub(crate) struct Goal {
@@ -135,39 +142,14 @@ impl Measurements {
         }
     }
 
-    /// Adds a number that is to be at least `target`; `None` where there is none.
-    pub(crate) fn at_least(
-        &mut self,
-        name: impl Into<String>,
-        value: Option<f64>,
-        target: f64,
-        unit: &'static str,
-    ) {
-        let is_met = value.is_some_and(|value| value >= target);
-        self.goal(name.into(), value, (target, unit), ("greater", is_met));
-    }
-
-    /// Adds a number that is to be at most `target`; `None` where there is none.
-    pub(crate) fn at_most(
-        &mut self,
-        name: impl Into<String>,
-        value: Option<f64>,
-        target: f64,
-        unit: &'static str,
-    ) {
-        let is_met = value.is_some_and(|value| value <= target);
-        self.goal(name.into(), value, (target, unit), ("less", is_met));
-    }
-
-    fn goal(
-        &mut self,
-        name: String,
-        value: Option<f64>,
-        (target, unit): (f64, &'static str),
-        (better, is_met): (&'static str, bool),
-    ) {
+    /// Adds a number and its bound; `None` where there is no number.
+    pub(crate) fn goal(&mut self, name: impl Into<String>, value: Option<f64>, aim: Aim, unit: &'static str) {
+        let (target, better, is_met) = match aim {
+            Aim::AtLeast(least) => (least, "greater", value.is_some_and(|value| value >= least)),
+            Aim::AtMost(most) => (most, "less", value.is_some_and(|value| value <= most)),
+        };
         self.targets.push(Goal {
-            name,
+            name: name.into(),
             value,
             target,
             unit,
@@ -182,10 +164,10 @@ impl Measurements {
         let best = others.fold(f64::INFINITY, f64::min);
         let ratio = ours.filter(|_| best.is_finite()).map(|ours| best / ours);
         let name = format!("{}: times faster than the best peer", comparison.case);
-        self.at_least(name, ratio, comparison.target, "times");
+        self.goal(name, ratio, Aim::AtLeast(comparison.target), "times");
         let name = format!("{}: error of the reference", comparison.case);
-        let most = 0.1 * comparison.allowed;
-        self.at_most(name, Some(comparison.reference), most, "of the greatest velocity");
+        let most = Aim::AtMost(0.1 * comparison.allowed);
+        self.goal(name, Some(comparison.reference), most, "of the greatest velocity");
         self.comparisons.push(comparison);
     }
 
