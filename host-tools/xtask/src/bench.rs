@@ -7,9 +7,6 @@ use crate::step::{CommandLine, Steps, Stop};
 /// Runs the benchmark of the simulator with these words, or that of the monitor with the word `monitor`, or
 /// that of the emulator with `emulator`. For `--native` it is compiled a second time, for this processor
 /// alone.
-///
-/// # Errors
-/// It does not build, or ends with an error.
 pub(crate) fn bench(steps: &Steps, words: &[&String]) -> Result<(), Stop> {
     match words {
         [word] if *word == "monitor" => return monitor(steps),

@@ -7,9 +7,6 @@ use crate::step::{Steps, Stop};
 pub(crate) const TABLE: &str = "firmware/boards.txt";
 
 /// The boards that the image can run on; the first is built if none is named.
-///
-/// # Errors
-/// The table cannot be read.
 pub(crate) fn names(steps: &Steps) -> Result<Vec<String>, Stop> {
     let table = read(steps)?;
     let works = rows(&table).filter(|row| row[1] != "no");
@@ -17,9 +14,6 @@ pub(crate) fn names(steps: &Steps) -> Result<Vec<String>, Stop> {
 }
 
 /// Reads the table.
-///
-/// # Errors
-/// It cannot be read.
 pub(crate) fn read(steps: &Steps) -> Result<String, Stop> {
     files::read(&steps.root.join(TABLE))
 }

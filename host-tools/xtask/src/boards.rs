@@ -31,9 +31,6 @@ pub(crate) fn build(steps: &Steps, words: &[&String]) -> Result<(), Stop> {
 }
 
 /// Builds the images of all boards but the first into target/boards.
-///
-/// # Errors
-/// One does not build.
 pub(crate) fn build_images(steps: &Steps) -> Result<(), Stop> {
     names(steps)?
         .iter()

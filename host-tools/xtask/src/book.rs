@@ -10,9 +10,6 @@ use crate::tools;
 const SOURCE: &str = concat!(env!("CARGO_PKG_REPOSITORY"), "/blob/main/");
 
 /// Renders the book into target/book; installs mdBook first if it is missing.
-///
-/// # Errors
-/// mdBook cannot be installed or does not accept a page.
 pub(crate) fn render(steps: &Steps) -> Result<(), Stop> {
     let options = "--no-default-features --features search";
     let mdbook = tools::installed(steps, "mdbook", "0.5.4", options)?;

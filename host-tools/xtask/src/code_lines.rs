@@ -30,9 +30,6 @@ pub(crate) struct Code {
 
 impl Code {
     /// Reads an ELF file with debug information.
-    ///
-    /// # Errors
-    /// It is no such file.
     pub(crate) fn of_elf(bytes: &[u8]) -> Result<Self, String> {
         let elf = object::File::parse(bytes).map_err(|error| error.to_string())?;
         let mut code = Self::default();

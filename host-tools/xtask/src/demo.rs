@@ -46,9 +46,6 @@ pub(crate) fn strike(steps: &Steps) -> Result<(), Stop> {
 }
 
 /// Demonstrates one strike on a row of ten beads, with what is built.
-///
-/// # Errors
-/// As [`strike`].
 pub(crate) fn row(steps: &Steps) -> Result<(), Stop> {
     let folder = steps.built("chain");
     let emulate = bead(

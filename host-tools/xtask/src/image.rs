@@ -16,9 +16,6 @@ pub(crate) fn path(steps: &Steps) -> PathBuf {
 }
 
 /// Builds it, signs it, and says what it takes.
-///
-/// # Errors
-/// It does not build.
 pub(crate) fn build(steps: &Steps) -> Result<(), Stop> {
     paths::leave_out(steps, paths::cargo_home().as_deref())?;
     steps.run("the flash image", &CommandLine::new("cargo build").words(IMAGE))?;
@@ -61,9 +58,6 @@ pub(crate) fn sign(image: &Path, board: &str) -> Result<(), Stop> {
 }
 
 /// Prints the public part of the key in a file.
-///
-/// # Errors
-/// There is no such key.
 pub(crate) fn public_key(_: &Steps, words: &[&String]) -> Result<(), Stop> {
     let [file] = words else {
         return Err(Stop::failed(
@@ -106,9 +100,6 @@ struct Size {
 
 impl Size {
     /// Reads the ELF file at `path`.
-    ///
-    /// # Errors
-    /// It cannot be read, or is not a 32-bit ELF file.
     fn of(path: &Path) -> Result<Size, Stop> {
         let size = Size::of_elf(&files::bytes(path)?);
         size.map_err(files::cannot("read as a 32-bit ELF file", path))
@@ -146,9 +137,6 @@ impl std::fmt::Display for Size {
 
 /// Builds it anew if there is one. `bead` takes an image that is there, which has to be the one of these
 /// sources; for one that is not there it waits.
-///
-/// # Errors
-/// As [`build`].
 pub(crate) fn build_if_there_is_one(steps: &Steps) -> Result<(), Stop> {
     if steps.root.join(path(steps)).exists() {
         return build(steps);

@@ -8,9 +8,6 @@ use crate::step::{Steps, Stop};
 
 /// Prints a row for each crate: lines of source and of tests. Lines of tests are those in files below a
 /// folder `tests`, in files called `tests.rs`, and in modules `tests` under `cfg(test)`.
-///
-/// # Errors
-/// A file cannot be read.
 pub(crate) fn print(steps: &Steps) -> Result<(), Stop> {
     let mut crates: BTreeMap<&Path, [usize; 2]> = BTreeMap::new();
     let files = texts(&steps.root, ".rs")?;

@@ -7,9 +7,6 @@ use crate::style;
 use crate::supply;
 
 /// Runs all of them.
-///
-/// # Errors
-/// Of the first one that fails.
 pub(crate) fn lint(steps: &Steps) -> Result<(), Stop> {
     text(steps)?;
     let imports = CommandLine::new("cargo test --release --quiet -p xtask --test imports -- --nocapture");

@@ -18,9 +18,6 @@ use crate::step::{Steps, Stop};
 pub(crate) const FILE: &str = ".cargo/paths.toml";
 
 /// Writes the file for these steps and this home of cargo, unless it is right already.
-///
-/// # Errors
-/// It cannot be written.
 pub(crate) fn leave_out(steps: &Steps, home: Option<&Path>) -> Result<(), Stop> {
     write(&steps.root.join(FILE), config(&folders(steps, home)))
 }

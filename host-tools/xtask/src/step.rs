@@ -177,9 +177,6 @@ impl Steps {
     }
 
     /// As [`Steps::run`]; gives what the command prints on standard output.
-    ///
-    /// # Errors
-    /// As [`Steps::run`].
     pub(crate) fn read(&self, title: &str, line: &CommandLine) -> Result<String, Stop> {
         let output = self.run_shown(title, line, false)?;
         Ok(String::from_utf8_lossy(&output.stdout).into_owned())
@@ -201,9 +198,6 @@ impl Steps {
 
     /// Runs one command of many at a time, and says so when it has ended: `tell` makes one line of what it
     /// printed and of how long it took. What it printed is shown only if it failed.
-    ///
-    /// # Errors
-    /// As [`Steps::run`].
     pub(crate) fn run_and_tell(
         &self,
         title: &str,
@@ -240,17 +234,11 @@ impl Steps {
     }
 
     /// Does something beside other steps. If it fails, none of these begins any more.
-    ///
-    /// # Errors
-    /// As `work`.
     pub(crate) fn until_one_fails(&self, work: impl FnOnce() -> Result<(), Stop>) -> Result<(), Stop> {
         work().inspect_err(|_| self.failed.store(true, Ordering::Relaxed))
     }
 
     /// Of steps beside one another, why one has failed: not because of another one.
-    ///
-    /// # Errors
-    /// One has failed.
     pub(crate) fn first_failure(ended: impl IntoIterator<Item = Result<(), Stop>>) -> Result<(), Stop> {
         let failures = ended.into_iter().filter_map(Result::err);
         failures

@@ -139,9 +139,6 @@ fn has_advisories(home: &Path) -> bool {
 }
 
 /// Writes THIRD-PARTY.md, and the notices of a release into target/notices.
-///
-/// # Errors
-/// As [`release`].
 pub(crate) fn notices(steps: &Steps) -> Result<(), Stop> {
     write(&steps.root.join(PAGE), page(steps)?)?;
     release(steps, &steps.target.join("notices"))

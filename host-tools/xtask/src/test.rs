@@ -14,9 +14,6 @@ use crate::suite::Job;
 use crate::{boards, checks, demo, image, lint, mutants, python, suite, wheel};
 
 /// Runs every check.
-///
-/// # Errors
-/// Of the first one that fails.
 pub(crate) fn test(steps: &Steps) -> Result<(), Stop> {
     steps.announce("every check: some ten minutes on two cores if nothing is compiled yet, six if all is");
     setup(steps, Need::Check)?;
