@@ -49,10 +49,8 @@ pub(crate) fn run(arguments: &Arguments, scenario: &Scenario) -> Result<(), Fail
         );
     }
     let inputs = [arguments.scenario.as_path()];
-    let picture = arguments.picture.as_deref();
-    let picture = arguments
-        .overwrite
-        .optional(picture, FileKind::Drawing, &inputs)?;
+    let (picture, overwrite) = (arguments.picture.as_deref(), arguments.overwrite);
+    let picture = overwrite.optional(picture, FileKind::Drawing, &inputs)?;
     let mut masses = arguments.total_mass.clone();
     masses.sort_by(f64::total_cmp);
     // Every mass is checked before the first search.
@@ -62,12 +60,10 @@ pub(crate) fn run(arguments: &Arguments, scenario: &Scenario) -> Result<(), Fail
     for search in &searches {
         let grams = search.total_mass * 1e3;
         let mut optimum = find(scenario, search, &format!("{grams} g: "))?;
-        if let Some(lighter) = front
-            .last()
-            .filter(|lighter| lighter.optimum.share < optimum.share)
-        {
+        let lighter = front.last().map(|lighter| &lighter.optimum);
+        if let Some(lighter) = lighter.filter(|lighter| lighter.share < optimum.share) {
             let stopped = optimum.stopped;
-            optimum = lighter.optimum.clone();
+            optimum = lighter.clone();
             optimum.stopped = stopped;
         }
         let stopped = optimum.stopped;

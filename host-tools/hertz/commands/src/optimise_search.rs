@@ -137,9 +137,8 @@ pub(super) type Limits = [f64; 2];
 
 fn bounds(text: &str) -> Result<Limits, String> {
     let number = |part: &str| part.trim().parse::<f64>().ok();
-    let bounds = text
-        .split_once(':')
-        .and_then(|(low, high)| Some([number(low)?, number(high)?]));
+    let parts = text.split_once(':');
+    let bounds = parts.and_then(|(low, high)| Some([number(low)?, number(high)?]));
     bounds.ok_or_else(|| "write the bounds as LOW:HIGH, such as 1e4:1e6".to_owned())
 }
 

@@ -145,7 +145,7 @@ fn sweep(here: &Here, file: &Path, result: &Path) -> Result<(), Failure> {
     let picture = here.plot.as_deref();
     let picture = here.overwrite.optional(picture, FileKind::Drawing, &inputs)?;
     if picture.is_some() {
-        sweep_plot::check(&here.choice, &plan)?;
+        here.choice.view().check(&plan).map_err(Failure::input)?;
     }
     let seconds = measured(&plan);
     here.consent.ask(&plan, seconds)?;

@@ -134,10 +134,8 @@ pub(crate) fn plan(planning: &PlanArguments) -> Result<(), Failure> {
     let suited = ((work / CHUNK_SECONDS).ceil() as u64).clamp(1, CHUNKS);
     let folder = Folder::create(&planning.dir, plan, planning.chunks.unwrap_or(suited))?;
     let (plan, chunks, dir) = (folder.plan(), folder.chunks(), folder.path().display());
-    if let Some(asked) = planning
-        .chunks
-        .filter(|asked| (*asked).min(plan.points()) != chunks)
-    {
+    let other = |asked: &u64| (*asked).min(plan.points()) != chunks;
+    if let Some(asked) = planning.chunks.filter(other) {
         bail!(
             Input,
             "the plan in {dir} is there already, in {chunks} chunks; leave --chunks {asked} out, or give another --dir"
@@ -206,22 +204,18 @@ pub(crate) fn submit(submitting: &SubmitArguments) -> Result<(), Failure> {
     }
     let waiting = slurm::queued(plan);
     if !waiting.is_empty() {
+        let (jobs, numbers) = (waiting.join(" and "), waiting.join(" "));
         bail!(
             Input,
-            "job {} of this plan is still in the queue; wait for it, or end it with: scancel {}",
-            waiting.join(" and "),
-            waiting.join(" ")
+            "job {jobs} of this plan is still in the queue; wait for it, or end it with: scancel {numbers}"
         );
     }
     let whole = |path: &Path| -> Result<String, Failure> {
         let path = std::path::absolute(path).with_context(|| format!("{}: no path", path.display()))?;
         let text = path.into_os_string().into_string();
         text.map_err(|path| {
-            failure!(
-                Input,
-                "{}: Slurm takes paths in UTF-8; give another",
-                path.display()
-            )
+            let path = path.display();
+            failure!(Input, "{path}: Slurm takes paths in UTF-8; give another")
         })
     };
     let program = std::env::current_exe()
@@ -289,10 +283,10 @@ pub(crate) fn merge(merging: &MergeArguments) -> Result<(), Failure> {
 
 fn result(folder: &Folder, out: &Path, overwrite: Overwrite) -> Result<Target, Failure> {
     if folder.has_within(out) {
+        let out = out.display();
         bail!(
             Input,
-            "{} lies among the parts of the plan; give the table another folder",
-            out.display()
+            "{out} lies among the parts of the plan; give the table another folder"
         );
     }
     place::target(out, FileKind::Parquet, &[], overwrite)

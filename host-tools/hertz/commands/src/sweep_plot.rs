@@ -2,7 +2,6 @@
 
 use bead_console::prelude::*;
 use hertz_sweep::picture;
-use hertz_sweep::plan::Plan;
 use hertz_sweep::view::View;
 
 const AFTER_HELP: &str = "\
@@ -54,7 +53,8 @@ pub(crate) struct PictureOptions {
 }
 
 impl PictureOptions {
-    fn view(&self) -> View {
+    /// The view that the options ask for.
+    pub(crate) fn view(&self) -> View {
         View {
             x: self.x.clone(),
             y: self.y.clone(),
@@ -74,11 +74,6 @@ pub(crate) fn plot(plotting: &PlotArguments) -> Result<(), Failure> {
     )?;
     draw(&plotting.table, &plotting.choice, &out)?;
     output::print_line(&out.path().display().to_string())
-}
-
-/// Checks that a picture can be drawn of a sweep, before it is computed.
-pub(crate) fn check(choice: &PictureOptions, plan: &Plan) -> Result<(), Failure> {
-    choice.view().check(plan).map_err(Failure::input)
 }
 
 pub(crate) fn draw(table: &Path, choice: &PictureOptions, out: &Target) -> Result<(), Failure> {

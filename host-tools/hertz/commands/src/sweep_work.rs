@@ -11,10 +11,8 @@ use hertz_sweep::plan::Plan;
 /// Parses the name of a sweep's table, which is no CSV.
 pub(crate) fn table_file(text: &str) -> Result<PathBuf, String> {
     let path = PathBuf::from(text);
-    if path
-        .extension()
-        .is_some_and(|end| end.eq_ignore_ascii_case("csv"))
-    {
+    let ending = path.extension();
+    if ending.is_some_and(|end| end.eq_ignore_ascii_case("csv")) {
         return Err("the table is a Parquet file; let its name end with .parquet".to_owned());
     }
     Ok(path)

@@ -29,9 +29,6 @@ pub(crate) const KINDS: [(&str, FileKind); 6] = [
 pub(crate) const PLATE_KINDS: usize = 3;
 
 /// Writes the pictures of a plate, `plate-NUMBER.svg`, `.png` and `.pdf`, and returns their paths.
-///
-/// # Errors
-/// As [`write()`].
 pub(crate) fn write_plate(
     number: &str,
     plate: &Plate,

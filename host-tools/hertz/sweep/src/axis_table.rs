@@ -89,11 +89,8 @@ impl AxisTable {
         }
         let (along, count) = self.along(at)?;
         if let Some(value) = along.twice() {
-            return refused(
-                at,
-                format!("the value {value} is there twice"),
-                "give each value once",
-            );
+            let what = format!("the value {value} is there twice");
+            return refused(at, what, "give each value once");
         }
         let (name, along) = (None, vec![along]);
         Ok(SweepAxis { name, along, count })
@@ -115,19 +112,14 @@ impl AxisTable {
     /// The keys of the scenario that change along the axis.
     pub(super) fn keys(&self) -> impl Iterator<Item = &str> {
         let inner = self.zip.iter().chain(&self.over).flatten();
-        self.key
-            .as_deref()
-            .into_iter()
-            .chain(inner.filter_map(|table| table.key.as_deref()))
+        let tables = std::iter::once(self).chain(inner);
+        tables.filter_map(|table| table.key.as_deref())
     }
 
     fn key(&self, at: &str) -> Result<ScenarioKey, InputError> {
         let Some(key) = &self.key else {
-            return refused(
-                at,
-                "it has values and no key",
-                "give a key such as striker.velocity",
-            );
+            let advice = "give a key such as striker.velocity";
+            return refused(at, "it has values and no key", advice);
         };
         let key_at = format!("{at}.key");
         ScenarioKey::parse(key).map_err(|error| InputError { key: key_at, ..error })
@@ -323,10 +315,8 @@ fn check_list(at: &str, key: &ScenarioKey, list: &[Value]) -> Result<(), InputEr
     if !key.of_beads() {
         let is_number = |value: &Value| number(value).is_some();
         if list.iter().any(|value| is_number(value) != is_number(&list[0])) {
-            return wrong(
-                "some values are numbers and some are not",
-                "give one kind of them",
-            );
+            let what = "some values are numbers and some are not";
+            return wrong(what, "give one kind of them");
         }
         return Ok(());
     }
@@ -335,10 +325,8 @@ fn check_list(at: &str, key: &ScenarioKey, list: &[Value]) -> Result<(), InputEr
             (Value::Array(items), _) => {
                 let wholes: Option<Vec<i64>> = items.iter().map(Value::as_integer).collect();
                 let Some(wholes) = wholes else {
-                    return wrong(
-                        "a list has more than whole numbers",
-                        "name beads by their numbers",
-                    );
+                    let what = "a list has more than whole numbers";
+                    return wrong(what, "name beads by their numbers");
                 };
                 check_beads(at, key, wholes.into_iter().map(|whole| whole as f64))?;
             }

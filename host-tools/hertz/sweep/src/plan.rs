@@ -42,12 +42,9 @@ impl Plan {
             .iter()
             .try_fold(1_u64, |points, axis| points.checked_mul(axis.count));
         let Some(points) = product.filter(|points| *points <= MOST_POINTS) else {
+            let what = "the grid has more points than can be counted";
             let advice = "give the axes fewer values, or draw points with quasirandom";
-            return Err(InputError::at(
-                "axis",
-                "the grid has more points than can be counted",
-                advice,
-            ));
+            return Err(InputError::at("axis", what, advice));
         };
         let mut strides = vec![1; axes.len()];
         for axis in (1..axes.len()).rev() {

@@ -66,10 +66,8 @@ impl Jobs<'_> {
 
 /// A word for a shell, in single quotes where it needs them.
 fn quoted(text: &str) -> String {
-    if text
-        .chars()
-        .all(|c| c.is_alphanumeric() || "_./+,:=@-%".contains(c))
-    {
+    let is_plain = |c: char| c.is_alphanumeric() || "_./+,:=@-%".contains(c);
+    if text.chars().all(is_plain) {
         return text.to_owned();
     }
     format!("'{}'", text.replace('\'', r"'\''"))

@@ -68,9 +68,6 @@ impl View {
     }
 
     /// The layout of a sweep's chart.
-    ///
-    /// # Errors
-    /// As [`check`](Self::check).
     pub(super) fn layout<'a>(&self, plan: &'a Plan) -> Result<ChartLayout<'a>, String> {
         let mut axes = OpenAxes::new(self, plan)?;
         let is_map = self.is_map(plan, &axes);
