@@ -31,12 +31,7 @@ fn speed(image: &str, way: u32, shorten: bool) -> Result<f64, RunError> {
     run.sampling_deadline_ns = if shorten { 20_000_000_000 } else { 500_000_000 };
     run.timeout = Duration::from_secs(600);
     for (address, word) in [(0x1000_0000, way), (0x1000_0004, 0)] {
-        let bytes = word.to_le_bytes().to_vec();
-        run.pokes.push(Poke {
-            at_ns: 0,
-            address,
-            bytes,
-        });
+        run.pokes.push(Poke::word(0, address, word));
     }
     let began = Instant::now();
     let outcome = run.execute()?;

@@ -331,6 +331,18 @@ pub struct PinInput {
     pub changes_ns: Vec<u64>,
 }
 
+impl PinInput {
+    /// A level that changes at these times.
+    pub fn new(pin: impl Into<String>, since: Since, changes_ns: impl Into<Vec<u64>>) -> Self {
+        let (pin, changes_ns) = (pin.into(), changes_ns.into());
+        Self {
+            pin,
+            since,
+            changes_ns,
+        }
+    }
+}
+
 /// A fault on demand: bytes are written over guest memory, also over flash, without the processor's doing.
 ///
 /// A reset brings flash back as it was, so that the image can start again after its fault. What was written
@@ -344,6 +356,18 @@ pub struct Poke {
     pub address: u32,
     /// Bytes to write there.
     pub bytes: Vec<u8>,
+}
+
+impl Poke {
+    /// Writes over a word.
+    pub fn word(at_ns: u64, address: u32, word: u32) -> Self {
+        let bytes = word.to_le_bytes().into();
+        Self {
+            at_ns,
+            address,
+            bytes,
+        }
+    }
 }
 
 /// A fault on demand.

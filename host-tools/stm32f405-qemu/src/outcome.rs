@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::ending::{CodeAddress, Exception, RunEnd};
 
 /// Outcome of a run.
-#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Outcome {
     /// The end of the run.
@@ -364,13 +364,9 @@ impl BlockCost {
     /// Cycles for each scan of the ADC, in the order of the fields of [`Cycles`]; `None` if they were not
     /// counted.
     pub fn cycles_per_scan(&self) -> Option<[f64; 4]> {
-        let Cycles {
-            ideal,
-            cached,
-            uncached,
-            most,
-        } = self.cycles?;
-        Some([ideal, cached, uncached, most].map(|cycles| cycles as f64 / self.scans as f64))
+        let cycles = self.cycles?;
+        let cycles = [cycles.ideal, cycles.cached, cycles.uncached, cycles.most];
+        Some(cycles.map(|cycles| cycles as f64 / self.scans as f64))
     }
 }
 

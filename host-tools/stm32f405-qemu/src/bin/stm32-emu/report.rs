@@ -5,7 +5,7 @@ use std::path::Path;
 
 use quick_junit::{NonSuccessKind, Report, TestCase, TestCaseStatus, TestSuite};
 use serde::Serialize;
-use stm32f405_qemu::{Outcome, RunEnd, RunError};
+use stm32f405_qemu::{Chip, Outcome, RunEnd, RunError, UnknownRegister};
 
 use super::arguments::Arguments;
 use super::session::Session;
@@ -54,7 +54,6 @@ impl Verdict {
 
 /// Judges a run.
 pub(crate) fn verdict(session: &Session, arguments: &Arguments) -> Verdict {
-    let (chip, strict) = (arguments.chip, arguments.strict);
     if session.closed {
         let (status, why) = (CLOSED, None);
         return Verdict { status, why };
@@ -67,53 +66,55 @@ pub(crate) fn verdict(session: &Session, arguments: &Arguments) -> Verdict {
         Err(error) => return Verdict::no_run(error),
     };
     let found = matches!(session.until, Some((_, true)));
-    let ended = outcome.verdict();
-    let verdict = match (&ended, &outcome.end) {
-        (Err(why), _) if found => Some(why).map(|_| Verdict::passed()),
-        (Err(why), RunEnd::Faulted | RunEnd::LockedUp(_)) => Some(Verdict::failed(FAULT, why)),
-        (Err(why), RunEnd::Hung(_) | RunEnd::Stuck(_)) => Some(Verdict::failed(HANG, why)),
-        (Err(why), _) => Some(Verdict::failed(FAILED, why)),
-        (Ok(()), _) => None,
-    };
-    // Without a clock it reads as zero on silicon too: many images log the time before they have a timer.
-    let unknown: Vec<_> = outcome
-        .unknown_registers
-        .iter()
-        .filter(|register| strict && (!register.clock_off || register.writes > 0))
-        .collect();
-    let unknown = unknown.first().map(|register| {
-        let (more, name) = (unknown.len() - 1, &register.name);
-        let more = if more > 0 {
-            format!(" and {more} more")
-        } else {
-            String::new()
+    if let Err(why) = outcome.verdict()
+        && !found
+    {
+        let status = match outcome.end {
+            RunEnd::Faulted | RunEnd::LockedUp(_) => FAULT,
+            RunEnd::Hung(_) | RunEnd::Stuck(_) => HANG,
+            _ => FAILED,
         };
-        let why = if register.clock_off {
+        return Verdict::failed(status, why);
+    }
+    if let Some(why) = unknown(outcome, arguments.chip).filter(|_| arguments.strict) {
+        return Verdict::failed(UNKNOWN_REGISTER, why);
+    }
+    match &session.until {
+        Some((pattern, false)) => {
+            let why = format!("no line of the log, a UART or semihosting matches {pattern:?}");
+            Verdict::failed(NOT_FOUND, why)
+        }
+        _ => Verdict::passed(),
+    }
+}
+
+/// The access or the move of a pin for which a strict run fails.
+fn unknown(outcome: &Outcome, chip: Chip) -> Option<String> {
+    // Without a clock it reads as zero on silicon too: many images log the time before they have a timer.
+    let is_unknown = |register: &&UnknownRegister| !register.clock_off || register.writes > 0;
+    let mut unknown = outcome.unknown_registers.iter().filter(is_unknown);
+    if let Some(register) = unknown.next() {
+        let more = match unknown.count() {
+            0 => String::new(),
+            more => format!(" and {more} more"),
+        };
+        let name = &register.name;
+        return Some(if register.clock_off {
             format!("the image wrote to {name}{more}: that is lost")
         } else {
             format!("the image accessed {name}{more}, which no model knows")
-        };
-        Verdict::failed(UNKNOWN_REGISTER, why)
-    });
-    let missing_pin = || {
-        let pin = outcome.pins.iter().find(|pin| !chip.has_pin(&pin.name))?;
-        let why = format!("the image moved {}, and the {chip} has no such pin", pin.name);
-        Some(Verdict::failed(UNKNOWN_REGISTER, why))
-    };
-    let unknown = unknown.or_else(|| missing_pin().filter(|_| strict));
-    let failed = verdict.filter(|verdict| verdict.status > 0).or(unknown);
-    let missing = session.until.as_ref().filter(|(_, found)| !found);
-    let missing = missing.map(|(pattern, _)| {
-        let why = format!("no line of the log, a UART or semihosting matches {pattern:?}");
-        Verdict::failed(NOT_FOUND, why)
-    });
-    failed.or(missing).unwrap_or_else(Verdict::passed)
+        });
+    }
+    let pin = outcome.pins.iter().find(|pin| !chip.has_pin(&pin.name))?;
+    Some(format!(
+        "the image moved {}, and the {chip} has no such pin",
+        pin.name
+    ))
 }
 
 /// Tells a reader what came of a run.
 pub(crate) fn summary(session: &Session) {
-    let outcome = session.result.as_ref().map_or_else(RunError::outcome, Some);
-    if let Some(outcome) = outcome.filter(|_| !session.closed) {
+    if let Some(outcome) = session.outcome().filter(|_| !session.closed) {
         // Who does not read to the end does not want to.
         let _ = tell(outcome, session, &mut io::stdout().lock());
     }
@@ -209,7 +210,7 @@ struct Json<'a> {
 /// # Errors
 /// [`RunError::Io`].
 pub(crate) fn write(arguments: &Arguments, session: &Session, verdict: &Verdict) -> Result<(), RunError> {
-    let outcome = session.result.as_ref().map_or_else(RunError::outcome, Some);
+    let outcome = session.outcome();
     if let Some(file) = &arguments.vcd
         && let Some(outcome) = outcome
     {

@@ -24,6 +24,13 @@ pub(crate) struct Session {
     pub(crate) notes: Vec<String>,
 }
 
+impl Session {
+    /// The outcome of the run, also of one that failed.
+    pub(crate) fn outcome(&self) -> Option<&Outcome> {
+        outcome_of(&self.result)
+    }
+}
+
 /// Runs an image.
 ///
 /// # Errors
@@ -70,7 +77,6 @@ pub(crate) fn run(run: Run, arguments: &Arguments, lines: &mut Lines) -> Result<
     })
 }
 
-/// The outcome of a run, also of one that failed.
 fn outcome_of(result: &Result<Outcome, RunError>) -> Option<&Outcome> {
     result.as_ref().map_or_else(RunError::outcome, Some)
 }
