@@ -33,7 +33,7 @@ use super::qemu::{
 };
 use super::recorder::Outside;
 use super::self_test::self_test;
-use super::{stops, waiting};
+use super::{priorities, stops, waiting};
 use crate::chip::Chip;
 use crate::ending::RunEnd;
 use crate::exchange::{self, SELF_TEST_STATUS, TimeStep};
@@ -572,7 +572,7 @@ extern "C" fn on_loop(_processor: Pointer, _: Pointer) {
         if let Some((counters, sites)) = COUNTERS.get() {
             let mut sites = sites.lock().unwrap_or_else(PoisonError::into_inner);
             for (address, times) in counts {
-                counters.executed_again(sites.get(address, counters, None), times);
+                counters.executed_times(sites.get(address, counters, None), times);
             }
         }
     }
@@ -607,7 +607,7 @@ extern "C" fn on_fault(_processor: u32, at: Pointer) {
     let Some(qemu) = QEMU.get() else { return };
     // A handler that is a loop begins at every turn. To ask QEMU for the registers takes hundreds of times as
     // long as a turn. A fault in the handler that leads to itself is another exception.
-    let active = failures::active_exception(qemu);
+    let active = priorities::active(qemu);
     if SEEN.swap(active, Relaxed) == active && repeats(at as usize as u32) {
         return;
     }
@@ -627,7 +627,7 @@ extern "C" fn on_wait_for_interrupt(_processor: u32, _: Pointer) {
     let Some((overlay, qemu)) = running() else { return };
     let deep = overlay.machine.sleeps_deep();
     drop(overlay);
-    if deep && !failures::interrupt_pending(qemu) {
+    if deep && !priorities::is_any_pending(qemu) {
         note_sighting(Sighting::DeepSleep);
     }
     qemu.pass_wait();

@@ -200,23 +200,19 @@ impl InstructionCounters {
     }
 
     pub(super) fn executed(&self, site: Option<&'static Site>) {
-        add_one(&self.total);
-        if let Some(site) = site {
-            site.labels
-                .iter()
-                .for_each(|l| add_one(&self.labels[*l].instructions));
-            site.entered.iter().for_each(|l| add_one(&self.labels[*l].calls));
-            if let (Some(mut timing), Some(timed)) = (self.timing(), &site.timed) {
-                let took = timing.count.executes(timed);
-                for label in timing.current.replace(site).map_or(&[][..], |site| &site.labels) {
-                    timing.labels[*label] = timing.labels[*label] + took;
-                }
+        self.executed_times(site, 1);
+        if let Some(site) = site
+            && let (Some(mut timing), Some(timed)) = (self.timing(), &site.timed)
+        {
+            let took = timing.count.executes(timed);
+            for label in timing.current.replace(site).map_or(&[][..], |site| &site.labels) {
+                timing.labels[*label] = timing.labels[*label] + took;
             }
         }
     }
 
-    /// Adds instructions that were executed outside of QEMU: how often each, by the site of its address.
-    pub(super) fn executed_again(&self, site: Option<&Site>, times: u64) {
+    /// Adds an instruction that was executed so often, by the site of its address.
+    pub(super) fn executed_times(&self, site: Option<&Site>, times: u64) {
         add(&self.total, times);
         if let Some(site) = site {
             site.labels
@@ -252,10 +248,6 @@ impl InstructionCounters {
 
 fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-fn add_one(counter: &AtomicU64) {
-    add(counter, 1);
 }
 
 fn add(counter: &AtomicU64, n: u64) {

@@ -9,6 +9,7 @@
 //! firmware may also say what happened and reset itself, or leave that to the watchdog. So it gets
 //! [`GRACE_NS`], and more if the watchdog runs.
 
+use super::priorities;
 use super::qemu::Qemu;
 use crate::ending::{Exception, RunEnd};
 use crate::machine::name_of;
@@ -84,22 +85,9 @@ impl Failures {
     /// it, or it has left the fault's handler.
     pub(super) fn due_end(&mut self, watchdog: bool, qemu: &Qemu) -> Option<RunEnd> {
         let (_, end) = self.pending_end.take()?;
-        let gone_on = end == RunEnd::Faulted && !FAULTS.contains(&active_exception(qemu));
+        let gone_on = end == RunEnd::Faulted && !FAULTS.contains(&priorities::active(qemu));
         (!watchdog && !gone_on).then_some(end)
     }
-}
-
-/// ICSR.VECTACTIVE.
-pub(super) fn active_exception(qemu: &Qemu) -> u32 {
-    const ICSR: u32 = 0xe000_ed04;
-    qemu.read_nvic(ICSR, 4) as u32 & 0x1ff
-}
-
-/// Returns `true` if an interrupt is pending: a sleep then ends at once (ICSR.ISRPENDING and PENDSTSET,
-/// PENDSVSET).
-pub(super) fn interrupt_pending(qemu: &Qemu) -> bool {
-    const ICSR: u32 = 0xe000_ed04;
-    qemu.read_nvic(ICSR, 4) & (1 << 22 | 1 << 26 | 1 << 28) != 0
 }
 
 /// The exception whose handler begins, from the processor's registers as QEMU prints them. `None` if this is

@@ -9,7 +9,7 @@ use std::sync::mpsc::Sender;
 
 use super::blocks::Blocks;
 use super::count::InstructionCounters;
-use super::failures::{self, Failures, Sighting};
+use super::failures::{Failures, Sighting};
 use super::fences::fences;
 use super::qemu::{self, Qemu};
 use super::recorder::{Outside, RunRecorder, written};
@@ -319,7 +319,7 @@ impl Overlay {
         let known = vectors == self.description.vectors || at_zero;
         if known
             && self.executed_to.is_none()
-            && !failures::interrupt_pending(qemu)
+            && !priorities::is_any_pending(qemu)
             && !self.machine.stands_still()
             && let Some(registers) = qemu.registers_of_processor()
         {

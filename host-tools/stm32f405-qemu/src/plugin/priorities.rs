@@ -19,6 +19,17 @@ pub(super) fn pending(qemu: &Qemu) -> u32 {
     (qemu.read_nvic(ICSR, 4) >> 12) as u32 & 0x1ff
 }
 
+/// The exception whose handler is executed (ICSR.VECTACTIVE). 0 is none.
+pub(super) fn active(qemu: &Qemu) -> u32 {
+    qemu.read_nvic(ICSR, 4) as u32 & 0x1ff
+}
+
+/// Returns `true` if an interrupt is pending: a sleep then ends at once (ICSR.ISRPENDING and PENDSTSET,
+/// PENDSVSET).
+pub(super) fn is_any_pending(qemu: &Qemu) -> bool {
+    qemu.read_nvic(ICSR, 4) & (1 << 22 | 1 << 26 | 1 << 28) != 0
+}
+
 /// Returns `true` if an exception may interrupt the handler of another, whatever else masks it. 0 is no
 /// handler.
 pub(super) fn may_preempt(exception: u32, handled: u32, qemu: &Qemu) -> bool {

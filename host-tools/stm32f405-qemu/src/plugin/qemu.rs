@@ -310,11 +310,7 @@ impl Qemu {
     /// The processor is about to wait. While it does, its own thread passes the time, and not QEMU's main
     /// thread.
     pub(super) fn pass_wait(&self) {
-        if let Some(waits) = &self.waits {
-            // SAFETY: processor 0 exists once the machine is made. The function is called in its thread,
-            // between two instructions and with QEMU's big lock held.
-            unsafe { (waits.async_run_on_cpu)((self.functions.qemu_get_cpu)(0), self.on_wait, null_mut()) };
-        }
+        self.call_between_instructions(self.on_wait);
     }
 
     /// Has a function called in the processor's thread, between two instructions and with QEMU's big lock

@@ -234,12 +234,7 @@ pub(super) fn narrow(half: u16, at: u32) -> Option<Instruction> {
             } else {
                 of(register(w, 6))
             };
-            let operation = if is_set(w, 9) {
-                Operation::Sub
-            } else {
-                Operation::Add
-            };
-            data(operation, Some(register(w, 0)), register(w, 3), second)
+            data(sum(w, 9), Some(register(w, 0)), register(w, 3), second)
         }
         0b00_1000..=0b00_1111 => {
             let (r, second) = (register(w, 8), plain(bits(w, 0, 8)));
@@ -254,21 +249,16 @@ pub(super) fn narrow(half: u16, at: u32) -> Option<Instruction> {
         0b01_0001 => special(w)?,
         0b01_0010 | 0b01_0011 => {
             let place = Place::Absolute((at & !3) + 4 + 4 * bits(w, 0, 8));
-            Memory {
-                datum: LOAD,
-                register: register(w, 8),
-                place,
-            }
+            access(LOAD, register(w, 8), place)
         }
         0b01_0100..=0b10_0111 => memory(w),
         0b10_1000..=0b10_1011 => {
-            let (from, number) = (if is_set(w, 11) { SP } else { PC }, 4 * bits(w, 0, 8));
-            let (first, second) = (from, plain(number));
-            if from == PC {
-                let here = plain((at & !3) + 4 + number);
-                return Some(quiet(Operation::Mov, register(w, 8), 0, here));
+            let (to, number) = (register(w, 8), 4 * bits(w, 0, 8));
+            if is_set(w, 11) {
+                quiet(Operation::Add, to, SP, plain(number))
+            } else {
+                quiet(Operation::Mov, to, 0, plain((at & !3) + 4 + number))
             }
-            quiet(Operation::Add, register(w, 8), first, second)
         }
         0b10_1100..=0b10_1111 => miscellaneous(w, at)?,
         0b11_0000..=0b11_0011 => {
@@ -284,19 +274,11 @@ pub(super) fn narrow(half: u16, at: u32) -> Option<Instruction> {
         }
         0b11_0100..=0b11_0111 if bits(w, 8, 4) < 14 => {
             let to = (at + 4).wrapping_add(extended(bits(w, 0, 8) << 1, 9));
-            Branch {
-                to,
-                condition: bits(w, 8, 4) as u8,
-                link: false,
-            }
+            jump(to, bits(w, 8, 4) as u8)
         }
         0b11_1000 | 0b11_1001 => {
             let to = (at + 4).wrapping_add(extended(bits(w, 0, 11) << 1, 12));
-            Branch {
-                to,
-                condition: ALWAYS,
-                link: false,
-            }
+            jump(to, ALWAYS)
         }
         _ => return None,
     })
@@ -336,6 +318,45 @@ fn quiet(operation: Operation, to: u8, first: u8, second: Operand) -> Instructio
         first,
         second,
     }
+}
+
+const fn access(datum: Datum, register: u8, place: Place) -> Instruction {
+    Memory {
+        datum,
+        register,
+        place,
+    }
+}
+
+/// Subtraction if a bit is set, else addition.
+const fn sum(word: u32, bit: u32) -> Operation {
+    if is_set(word, bit) {
+        Operation::Sub
+    } else {
+        Operation::Add
+    }
+}
+
+/// A branch without a link.
+const fn jump(to: u32, condition: u8) -> Instruction {
+    let link = false;
+    Branch { to, condition, link }
+}
+
+/// PUSH and POP.
+const fn stack(store: bool, registers: u16) -> Instruction {
+    Several {
+        store,
+        base: SP,
+        registers,
+        down: store,
+        write_back: true,
+    }
+}
+
+/// An offset that is added, or taken away.
+const fn signed(offset: u32, up: bool) -> u32 {
+    if up { offset } else { offset.wrapping_neg() }
 }
 
 fn processing(w: u32) -> Instruction {
@@ -408,28 +429,16 @@ fn memory(w: u32) -> Instruction {
             ];
             let (bytes, signed, store) = KINDS[bits(w, 9, 3) as usize];
             let place = Place::Sum(base, register(w, 6), 0);
-            Memory {
-                datum: datum(bytes, signed, store),
-                register: r,
-                place,
-            }
+            access(datum(bytes, signed, store), r, place)
         }
         kind @ (0b0110..=0b1000) => {
             let bytes = [4, 1, 2][kind as usize - 0b0110];
             let place = offset(base, number * bytes);
-            Memory {
-                datum: datum(bytes, false, !is_set(w, 11)),
-                register: r,
-                place,
-            }
+            access(datum(bytes, false, !is_set(w, 11)), r, place)
         }
         _ => {
             let place = offset(SP, 4 * bits(w, 0, 8));
-            Memory {
-                datum: datum(4, false, !is_set(w, 11)),
-                register: register(w, 8),
-                place,
-            }
+            access(datum(4, false, !is_set(w, 11)), register(w, 8), place)
         }
     }
 }
@@ -437,14 +446,7 @@ fn memory(w: u32) -> Instruction {
 fn miscellaneous(w: u32, at: u32) -> Option<Instruction> {
     let (r, m) = (register(w, 0), register(w, 3));
     Some(match bits(w, 8, 4) {
-        0b0000 => {
-            let operation = if is_set(w, 7) {
-                Operation::Sub
-            } else {
-                Operation::Add
-            };
-            quiet(operation, SP, SP, plain(4 * bits(w, 0, 7)))
-        }
+        0b0000 => quiet(sum(w, 7), SP, SP, plain(4 * bits(w, 0, 7))),
         0b0001 | 0b0011 | 0b1001 | 0b1011 => {
             let to = at + 4 + (bits(w, 9, 1) << 6 | bits(w, 3, 5) << 1);
             BranchIfZero {
@@ -465,23 +467,11 @@ fn miscellaneous(w: u32, at: u32) -> Option<Instruction> {
         }
         0b0100 | 0b0101 => {
             let registers = bits(w, 0, 8) as u16 | (bits(w, 8, 1) << 14) as u16;
-            Several {
-                store: true,
-                base: SP,
-                registers,
-                down: true,
-                write_back: true,
-            }
+            stack(true, registers)
         }
         0b1100 | 0b1101 => {
             let registers = bits(w, 0, 8) as u16 | (bits(w, 8, 1) << 15) as u16;
-            Several {
-                store: false,
-                base: SP,
-                registers,
-                down: false,
-                write_back: true,
-            }
+            stack(false, registers)
         }
         0b1010 if bits(w, 6, 2) != 2 => Reverse {
             to: r,
@@ -608,11 +598,7 @@ fn branch(a: u32, b: u32, at: u32) -> Option<Instruction> {
         }
         let offset = s << 20 | j2 << 19 | j1 << 18 | bits(a, 0, 6) << 12 | bits(b, 0, 11) << 1;
         let to = (at + 4).wrapping_add(extended(offset, 21));
-        return Some(Branch {
-            to,
-            condition,
-            link: false,
-        });
+        return Some(jump(to, condition));
     }
     // BL, and B with the longer offset.
     if !is_set(b, 12) {
@@ -660,8 +646,7 @@ fn pair(a: u32, b: u32, at: u32) -> Option<Instruction> {
         // Exclusive accesses.
         return None;
     }
-    let (base, offset) = (any(a, 0), 4 * bits(b, 0, 8));
-    let offset = if up { offset } else { offset.wrapping_neg() };
+    let (base, offset) = (any(a, 0), signed(4 * bits(b, 0, 8), up));
     let place = if base == PC {
         Place::Absolute(((at & !3) + 4).wrapping_add(offset))
     } else {
@@ -699,12 +684,7 @@ fn single(a: u32, b: u32, at: u32) -> Option<Instruction> {
         store,
     };
     let place = if base == PC && !store {
-        let offset = bits(b, 0, 12);
-        let offset = if is_set(a, 7) {
-            offset
-        } else {
-            offset.wrapping_neg()
-        };
+        let offset = signed(bits(b, 0, 12), is_set(a, 7));
         Place::Absolute(((at & !3) + 4).wrapping_add(offset))
     } else if is_set(a, 7) {
         Place::Offset {
@@ -718,11 +698,9 @@ fn single(a: u32, b: u32, at: u32) -> Option<Instruction> {
         if index && up && !write_back {
             return None;
         }
-        let offset = bits(b, 0, 8);
-        let offset = if up { offset } else { offset.wrapping_neg() };
         Place::Offset {
             base,
-            offset,
+            offset: signed(bits(b, 0, 8), up),
             index,
             write_back,
         }
@@ -731,11 +709,7 @@ fn single(a: u32, b: u32, at: u32) -> Option<Instruction> {
     } else {
         return None;
     };
-    Some(Memory {
-        datum,
-        register: r,
-        place,
-    })
+    Some(access(datum, r, place))
 }
 
 /// Shifts by a register, and extensions.
@@ -748,13 +722,12 @@ fn registers(a: u32, b: u32) -> Option<Instruction> {
         (kind @ 0..=7, 0) => {
             let shift = [Shift::Lsl, Shift::Lsr, Shift::Asr, Shift::Ror][kind as usize >> 1];
             let flags = if kind & 1 == 1 { Flags::Set } else { Flags::Kept };
-            let second = Operand::ShiftedBy(first, shift, m);
             Some(Data {
                 operation: Operation::Mov,
                 flags,
                 to: Some(to),
                 first: 0,
-                second,
+                second: Operand::ShiftedBy(first, shift, m),
             })
         }
         (kind @ (0 | 1 | 4 | 5), 8..) if first == PC => {

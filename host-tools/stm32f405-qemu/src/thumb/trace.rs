@@ -93,7 +93,7 @@ impl Comparison {
 }
 
 /// One turn of a loop, as far as it depends on counters.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Trace {
     lines: [Option<Line>; 16],
     /// Flags that depend on a counter, and what they come of, if that is known.
@@ -120,13 +120,9 @@ pub(super) struct Reach {
 impl Trace {
     pub(super) fn new() -> Self {
         Self {
-            lines: [None; 16],
-            uncertain: 0,
-            comparison: None,
-            written: 0,
-            read_first: 0,
             shift: u64::MAX,
             holds_until: u64::MAX,
+            ..Self::default()
         }
     }
 

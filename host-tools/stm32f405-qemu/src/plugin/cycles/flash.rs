@@ -38,7 +38,7 @@ impl Lines {
 }
 
 /// The flash and its accelerator.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Flash {
     /// Caches and prefetch are on.
     accelerated: bool,
@@ -56,11 +56,7 @@ impl Flash {
     pub(super) fn new(accelerated: bool) -> Self {
         Self {
             accelerated,
-            free: 0,
-            current: None,
-            ahead: None,
-            instructions: Lines::default(),
-            constants: Lines::default(),
+            ..Self::default()
         }
     }
 
