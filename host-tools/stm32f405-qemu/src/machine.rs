@@ -627,15 +627,13 @@ impl Machine {
             MachineEvent::DmaFetches(usart) => units.usart[usart].fetch_at = None,
             MachineEvent::WatchdogOut => {
                 units.iwdg.reset(at);
-                self.reset_wanted.get_or_insert(ResetCause::Watchdog);
-                board.reset_wanted();
+                self.want_reset(ResetCause::Watchdog, board);
             }
             MachineEvent::I2cSteps(n) => self.chip.step_i2c(n, at, &mut self.levels, board),
             MachineEvent::SpiExchanges(n) => self.chip.exchange_spi(n, at, &mut self.levels, board),
             MachineEvent::WindowWatchdogOut => {
                 units.wwdg.reset(at);
-                self.reset_wanted.get_or_insert(ResetCause::WindowWatchdog);
-                board.reset_wanted();
+                self.want_reset(ResetCause::WindowWatchdog, board);
             }
             MachineEvent::ClockFlag => self.chip.clock_flag(at),
             MachineEvent::Flash(FlashEvent::Finished) => {
@@ -652,9 +650,15 @@ impl Machine {
         }
     }
 
-    fn lose_power(&mut self, board: &mut impl Exterior) {
-        self.reset_wanted = Some(ResetCause::PowerCut);
+    /// Of several causes the first stands, but for a power cut.
+    fn want_reset(&mut self, cause: ResetCause, board: &mut impl Exterior) {
+        self.reset_wanted.get_or_insert(cause);
         board.reset_wanted();
+    }
+
+    fn lose_power(&mut self, board: &mut impl Exterior) {
+        self.reset_wanted = None;
+        self.want_reset(ResetCause::PowerCut, board);
     }
 
     /// Brings memory, the processor and its interrupt lines up to the state of the models.
@@ -663,12 +667,10 @@ impl Machine {
             board.stall(false);
         }
         if self.chip.woken_from_standby() {
-            self.reset_wanted.get_or_insert(ResetCause::Standby);
-            board.reset_wanted();
+            self.want_reset(ResetCause::Standby, board);
         }
         if std::mem::take(&mut self.chip.units.wwdg.bites) {
-            self.reset_wanted.get_or_insert(ResetCause::WindowWatchdog);
-            board.reset_wanted();
+            self.want_reset(ResetCause::WindowWatchdog, board);
         }
         // The next instruction is in flash. So is the one after an interrupt that wakes the processor in
         // spite of the stall.

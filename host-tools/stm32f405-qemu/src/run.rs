@@ -309,16 +309,3 @@ fn check_port(port: u16) -> Result<(), RunError> {
         .map(drop)
         .map_err(taken)
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_port_at_which_another_program_listens_is_refused() {
-        let other = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
-        let port = other.local_addr().unwrap().port();
-        let refused = check_port(port).unwrap_err().to_string();
-        assert!(refused.contains(&format!("port {port} ")), "{refused}");
-    }
-}

@@ -108,7 +108,7 @@ fn playing(chip: &Chip, channel: usize) -> Option<u64> {
 fn transmission(chip: &Chip, number: usize) -> Option<u64> {
     let usart = &chip.units.usart[number];
     usart.next_sent()?;
-    let server = &SERVERS.transmitters[number];
+    let server = &SERVERS.usart[number].transmitter;
     let dma = &chip.units.dma[server.dma];
     let beats = dma.beats_to_interrupt(dma.serving(&server.streams)?)?;
     usart.transmit_request(u64::from(beats))

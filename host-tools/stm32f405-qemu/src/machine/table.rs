@@ -18,7 +18,7 @@ use crate::peripherals::rcc::Bus::{self, Ahb1, Ahb2, Apb1, Apb2};
 use crate::peripherals::{
     Notes, Peripheral,
     adc_common::Adcs,
-    clock::{Apb, HSI_HZ},
+    clock::{Apb, HSI_HZ, LSI_HZ},
     core,
     crc::Crc,
     dac::Dac,
@@ -180,7 +180,7 @@ peripherals! {
     // The whole page belongs to the unit.
     dwt: Dwt = Dwt::new(HSI_HZ) => { "DWT", 0xe000_1000..0xe000_2000, ALWAYS, &[]; }
     flash: FlashController = FlashController::new() => { "FLASH", 0x4002_3c00..0x4002_4000, ALWAYS, &[4]; }
-    pwr: Pwr = Pwr::default() => { "PWR", 0x4000_7000..0x4000_7400, gate(Apb1, 28), &[]; }
+    pwr: Pwr = Pwr::new() => { "PWR", 0x4000_7000..0x4000_7400, gate(Apb1, 28), &[]; }
     rcc: Rcc = Rcc::new(hse_hz) => { "RCC", 0x4002_3800..0x4002_3c00, ALWAYS, &[5, NMI]; }
     usart: [Usart; 6] = PORTS.map(|kind| Usart::new(kind, HSI_HZ)) => {
         [0] "USART1", 0x4001_1000..0x4001_1400, gate(Apb2, 4), &[37];
@@ -203,7 +203,7 @@ peripherals! {
     }
     exti: Exti = Exti::default() => { "EXTI", 0x4001_3c00..0x4001_4000, ALWAYS, &Exti::INTERRUPTS; }
     syscfg: Syscfg = Syscfg::default() => { "SYSCFG", 0x4001_3800..0x4001_3c00, gate(Apb2, 14), &[]; }
-    iwdg: Iwdg = Iwdg::default() => { "IWDG", 0x4000_3000..0x4000_3400, ALWAYS, &[]; }
+    iwdg: Iwdg = Iwdg::new(LSI_HZ) => { "IWDG", 0x4000_3000..0x4000_3400, ALWAYS, &[]; }
     i2c: [I2c; 3] = std::array::from_fn(|_| I2c::new(HSI_HZ)) => {
         [0] "I2C1", 0x4000_5400..0x4000_5800, gate(Apb1, 21), &[31, 32];
         [1] "I2C2", 0x4000_5800..0x4000_5c00, gate(Apb1, 22), &[33, 34];
@@ -215,8 +215,8 @@ peripherals! {
         [2] "SPI3", 0x4000_3c00..0x4000_4000, gate(Apb1, 15), &[51];
     }
     wwdg: Wwdg = Wwdg::new(HSI_HZ) => { "WWDG", 0x4000_2c00..0x4000_3000, gate(Apb1, 11), &[0]; }
-    rtc: Rtc = Rtc::default() => { "RTC", 0x4000_2800..0x4000_2c00, ALWAYS, &[]; }
-    crc: Crc = Crc::default() => { "CRC", 0x4002_3000..0x4002_3400, gate(Ahb1, 12), &[]; }
+    rtc: Rtc = Rtc::new() => { "RTC", 0x4000_2800..0x4000_2c00, ALWAYS, &[]; }
+    crc: Crc = Crc::new() => { "CRC", 0x4002_3000..0x4002_3400, gate(Ahb1, 12), &[]; }
     rng: Rng = Rng::new(seed) => { "RNG", 0x5006_0800..0x5006_0c00, gate(Ahb2, 6), &[80]; }
     systick: SysTick = SysTick::new(HSI_HZ) => { "SysTick", 0xe000_e010..0xe000_e020, ALWAYS, &[]; }
     scr: core::Scr = core::Scr::default() => { "SCR", 0xe000_ed10..0xe000_ed14, ALWAYS, &[]; }

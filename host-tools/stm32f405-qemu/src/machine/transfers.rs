@@ -83,8 +83,8 @@ impl Asker {
         match self {
             Self::Converter(n) => &SERVERS.adc[n],
             Self::Dac(channel) => &SERVERS.dac[channel],
-            Self::Transmitter(n) => &SERVERS.transmitters[n],
-            Self::Receiver(n) => &SERVERS.receivers[n],
+            Self::Transmitter(n) => &SERVERS.usart[n].transmitter,
+            Self::Receiver(n) => &SERVERS.usart[n].receiver,
             Self::I2cTransmitter(n) => &SERVERS.i2c[n].transmitter,
             Self::I2cReceiver(n) => &SERVERS.i2c[n].receiver,
             Self::SpiTransmitter(n) => &SERVERS.spi[n].transmitter,

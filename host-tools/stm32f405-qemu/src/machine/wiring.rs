@@ -1,8 +1,8 @@
 //! Wiring of the peripherals to each other and to the pins.
 //!
-//! Pins and DMA requests are read from `connections.txt`, which `examples/connections.rs` makes of ST's own
-//! database (by way of the crates `stm32-metapac` and `stm32f4`). Triggers are in no such database, and stand
-//! here.
+//! Pins and DMA requests are read from `connections.txt`, which `tests/all/tables.rs` makes of ST's own
+//! database (by way of the crate `stm32-metapac`), and holds against it. Triggers are in no such database,
+//! and stand here.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::LazyLock;
@@ -127,8 +127,7 @@ pub(super) struct BusServers {
 pub(super) struct Servers {
     pub(super) adc: [Server; 3],
     pub(super) dac: [Server; 2],
-    pub(super) transmitters: [Server; 6],
-    pub(super) receivers: [Server; 6],
+    pub(super) usart: [BusServers; 6],
     pub(super) i2c: [BusServers; 3],
     /// Of each timer, by the number of the flag in SR: update, channels 1 to 4, none, trigger.
     pub(super) timers: [[Server; TIMER_REQUESTS.len()]; 14],
@@ -137,10 +136,6 @@ pub(super) struct Servers {
 
 pub(super) static SERVERS: LazyLock<Servers> = LazyLock::new(|| {
     let of = |name: &str| CONNECTIONS.servers.get(name).cloned().unwrap_or_default();
-    let (transmitter, receiver) = (
-        |usart| of(&format!("{usart}_TX")),
-        |usart| of(&format!("{usart}_RX")),
-    );
     let both = |bus: &str| BusServers {
         transmitter: of(&format!("{bus}_TX")),
         receiver: of(&format!("{bus}_RX")),
@@ -148,8 +143,7 @@ pub(super) static SERVERS: LazyLock<Servers> = LazyLock::new(|| {
     Servers {
         adc: ADCS.map(of),
         dac: DAC_REQUESTS.map(of),
-        transmitters: USARTS.map(transmitter),
-        receivers: USARTS.map(receiver),
+        usart: USARTS.map(both),
         i2c: I2CS.map(both),
         timers: std::array::from_fn(|n| TIMER_REQUESTS.map(|request| of(&format!("TIM{}_{request}", n + 1)))),
         spi: SPIS.map(both),

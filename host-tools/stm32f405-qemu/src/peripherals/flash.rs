@@ -472,17 +472,26 @@ mod tests {
     }
 
     #[test]
-    fn erasing_sets_every_bit_of_one_sector_in_the_time_of_its_parallelism() {
+    fn erasing_sets_every_bit_of_one_sector_in_the_time_of_its_size_and_parallelism() {
         let mut flash = unlocked();
         let places = [0x080d_fffc, 0x080e_0000, 0x080f_fffc];
         for address in places {
             program(&mut flash, address, 0, 0);
         }
-        for (psize, ns) in [(0, 2_000_000_000), (1, 1_300_000_000), (2, 1_000_000_000)] {
-            flash.put(5, [(CR, SER | 11 << 3 | psize << 8 | STRT)]);
-            assert_eq!(flash.next_event(), Some((5 + ns, FlashEvent::Finished)));
+        for (sector, psize, ms, addresses) in [
+            (11, 0, 2_000, 0x080e_0000..0x0810_0000),
+            (11, 1, 1_300, 0x080e_0000..0x0810_0000),
+            (11, 2, 1_000, 0x080e_0000..0x0810_0000),
+            (4, 2, 550, 0x0801_0000..0x0802_0000),
+            (2, 2, 250, 0x0800_8000..0x0800_c000),
+        ] {
+            flash.put(5, [(CR, SER | sector << 3 | psize << 8 | STRT)]);
+            assert_eq!(
+                flash.next_event(),
+                Some((5 + 1_000_000 * ms, FlashEvent::Finished))
+            );
             assert_eq!(flash.get(CR, 0) & STRT, STRT);
-            assert_eq!(flash.finish(), 0x080e_0000..0x0810_0000);
+            assert_eq!(flash.finish(), addresses);
             assert_eq!(flash.get(CR, 0) & STRT, 0);
         }
         let words = places.map(|address| word(&flash, address));
@@ -517,20 +526,6 @@ mod tests {
         let mut one = unlocked();
         one.put(0, [(CR, SER | 0x10 << 3)]);
         assert_eq!(one.get(CR, 0), SER, "no such bit");
-    }
-
-    #[test]
-    fn a_smaller_sector_takes_less_time() {
-        for (sector, bytes, ns) in [
-            (2, 16 << 10, 250_000_000),
-            (4, 64 << 10, 550_000_000),
-            (9, 128 << 10, 1_000_000_000),
-        ] {
-            let mut flash = unlocked();
-            flash.put(0, [(CR, SER | sector << 3 | BY_WORDS | STRT)]);
-            assert_eq!(flash.next_event(), Some((ns, FlashEvent::Finished)));
-            assert_eq!(flash.finish().len(), bytes);
-        }
     }
 
     #[test]

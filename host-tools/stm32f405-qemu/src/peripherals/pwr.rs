@@ -34,7 +34,7 @@ const DETECTOR: [[u32; 2]; 8] = [
 ];
 const GOOD_MV: u32 = 3300;
 
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Pwr {
     cr: u32,
     csr: u32,
@@ -49,22 +49,15 @@ pub(crate) struct Pwr {
     pub(crate) notes: Notes,
 }
 
-impl Default for Pwr {
-    fn default() -> Self {
+impl Pwr {
+    pub(crate) fn new() -> Self {
         Self {
             cr: VOS,
-            csr: 0,
             supply_mv: GOOD_MV,
-            below: false,
-            flags: 0,
-            hclk: 0,
-            has_overdrive: false,
-            notes: Notes::default(),
+            ..Self::default()
         }
     }
-}
 
-impl Pwr {
     /// The supply has this voltage from now on, in mV.
     pub(crate) fn set_supply(&mut self, millivolts: u32) {
         self.supply_mv = millivolts;
@@ -142,7 +135,7 @@ impl Peripheral for Pwr {
 
     /// The supply stays, and the flags that say why the part was woken.
     fn reset(&mut self, _now: u64) {
-        let old = std::mem::take(self);
+        let old = std::mem::replace(self, Self::new());
         (self.supply_mv, self.flags) = (old.supply_mv, old.flags);
         (self.hclk, self.notes) = (old.hclk, old.notes);
         self.has_overdrive = old.has_overdrive;
@@ -169,7 +162,7 @@ mod tests {
 
     #[test]
     fn regulators_are_ready_and_dbp_opens_the_backup_domain() {
-        let mut pwr = Pwr::default();
+        let mut pwr = Pwr::new();
         assert_eq!(pwr.get(CSR, 0), VOSRDY);
         assert!(!pwr.backup_domain_open());
         pwr.put(0, [(CR, VOS | DBP), (CSR, 1 << 9)]);
@@ -179,7 +172,7 @@ mod tests {
 
     #[test]
     fn the_detector_finds_a_supply_below_its_threshold_and_lets_go_above_the_hysteresis() {
-        let mut pwr = Pwr::default();
+        let mut pwr = Pwr::new();
         pwr.set_supply(2800);
         assert_eq!(pwr.get(CSR, 0), VOSRDY, "the detector is off");
         pwr.put(0, [(CR, DETECTING)]);
@@ -195,7 +188,7 @@ mod tests {
 
     #[test]
     fn the_supply_outlives_a_reset_and_the_detector_is_off_after_it() {
-        let mut pwr = Pwr::default();
+        let mut pwr = Pwr::new();
         pwr.put(0, [(CR, DETECTING)]);
         pwr.set_supply(2800);
         pwr.reset(0);
@@ -206,7 +199,7 @@ mod tests {
 
     #[test]
     fn scale_2_is_noted_above_144_mhz() {
-        let mut pwr = Pwr::default();
+        let mut pwr = Pwr::new();
         pwr.put(0, [(CR, 0)]);
         let mut clocks = ClockTree::HSI;
         for (hclk, notes) in [(144_000_000, 0), (168_000_000, 1)] {
@@ -218,7 +211,7 @@ mod tests {
 
     #[test]
     fn the_flags_of_standby_outlive_a_reset_and_are_cleared_by_software() {
-        let mut pwr = Pwr::default();
+        let mut pwr = Pwr::new();
         pwr.woken();
         pwr.reset(0);
         assert_eq!(pwr.get(CSR, 0), VOSRDY | SBF | WUF);

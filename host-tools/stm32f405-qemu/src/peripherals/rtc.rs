@@ -59,7 +59,7 @@ const LOCKED: &str = "a register was written with PWR_CR.DBP clear or without th
 const NOT_INITIALISING: &str = "TR, DR or PRER was written outside of initialisation mode: ignored";
 const RUNNING: &str = "WUTR or an alarm was written while it is on: ignored";
 
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Rtc {
     /// RTCCLK: a frequency and what it is divided by. 0 Hz if it has none.
     clock: (u32, u32),
@@ -99,38 +99,6 @@ pub(crate) struct Rtc {
     pub(crate) notes: Notes,
 }
 
-impl Default for Rtc {
-    fn default() -> Self {
-        Self {
-            clock: (0, 1),
-            moment: Moment::RESET,
-            sub_second: 0,
-            since_ns: 0,
-            written: Moment::RESET.registers(false),
-            init_at: None,
-            cr: 0,
-            isr: 0,
-            prer: 0x7f_00ff,
-            wutr: 0xffff,
-            alarms: [0; 2],
-            alarm_fractions: [0; 2],
-            writable_at: [0; 3],
-            synchronised_at: u64::MAX,
-            next: [None; 3],
-            wakes_since: 0,
-            wakes: 0,
-            shadow: None,
-            keys: 0,
-            calr: 0,
-            tafcr: 0,
-            calibr: 0,
-            backup: [0; 20],
-            backup_domain_open: false,
-            notes: Notes::default(),
-        }
-    }
-}
-
 /// Calendar and sub-second counter at a time.
 struct Reading {
     moment: Moment,
@@ -139,6 +107,18 @@ struct Reading {
 }
 
 impl Rtc {
+    pub(crate) fn new() -> Self {
+        Self {
+            clock: (0, 1),
+            moment: Moment::RESET,
+            written: Moment::RESET.registers(false),
+            prer: 0x7f_00ff,
+            wutr: 0xffff,
+            synchronised_at: u64::MAX,
+            ..Self::default()
+        }
+    }
+
     /// Time of the given edge of RTCCLK after `from`, ns.
     fn clocks_after(&self, from: u64, clocks: u64) -> u64 {
         let (hz, divider) = self.clock;
@@ -289,7 +269,7 @@ impl Rtc {
 
     /// The backup domain is reset. Levels from other peripherals stay.
     pub(crate) fn reset_backup_domain(&mut self, now: u64) {
-        let old = std::mem::take(self);
+        let old = std::mem::replace(self, Self::new());
         (self.clock, self.notes) = (old.clock, old.notes);
         (self.backup_domain_open, self.since_ns) = (old.backup_domain_open, now);
         self.synchronised_at = self.clocks_after(now, 2);
@@ -342,24 +322,16 @@ impl Rtc {
             None => self.notes.note(NO_DATE),
         }
         // INITS: the year is not 0.
-        let set = if field(self.written.1, 16, 8) == 0 {
-            0
-        } else {
-            INITS
-        };
-        self.isr = self.isr & !INITS | set;
+        let set = field(self.written.1, 16, 8) != 0;
+        self.isr = self.isr & !INITS | if set { INITS } else { 0 };
         self.synchronised_at = self.clocks_after(now, 2);
     }
 
     fn write_cr(&mut self, value: u32, now: u64) {
         let (before, kept) = (self.cr, value & CR_BITS & !(ADD1H | SUB1H));
         // FMT is for initialisation mode.
-        let fmt = if self.initialises(now) {
-            kept & FMT
-        } else {
-            before & FMT
-        };
-        self.cr = kept & !FMT | fmt;
+        let of_fmt = if self.initialises(now) { kept } else { before };
+        self.cr = kept & !FMT | of_fmt & FMT;
         for (n, on) in [ALRAE, ALRAE << 1, WUTE].into_iter().enumerate() {
             if before & on != 0 && self.cr & on == 0 {
                 self.writable_at[n] = self.clocks_after(now, 2);
@@ -545,7 +517,7 @@ mod tests {
     fn unlocked() -> Rtc {
         let mut rtc = Rtc {
             backup_domain_open: true,
-            ..Rtc::default()
+            ..Rtc::new()
         };
         let clocks = ClockTree {
             rtc: (32_768, 1),

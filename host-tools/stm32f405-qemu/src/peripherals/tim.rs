@@ -193,7 +193,7 @@ impl Tim {
         if self.slave_mode() == RESTARTS {
             self.restart(at);
         } else {
-            self.take_trigger();
+            self.flag(TRIGGER);
             self.step(false, at);
         }
     }
@@ -240,17 +240,14 @@ impl Tim {
         };
         for channel in 0..self.kind.channels {
             if !self.is_input(channel) && self.ccr[channel].active == self.counter.count(at) {
-                self.sr |= 2 << channel;
-                self.request(2 << channel);
+                self.flag(2 << channel);
                 self.references[channel] = self.matched(channel);
             }
         }
         if updates && self.cr1 & UDIS == 0 {
-            self.sr |= UPDATE;
-            self.request(UPDATE);
+            self.flag(UPDATE);
             self.turn_outputs_on();
-            self.counter.load();
-            self.ccr.iter_mut().for_each(BufferedRegister::load);
+            self.load();
         }
         if updates && self.cr1 & OPM != 0 {
             self.counter.enabled = false;
@@ -267,18 +264,20 @@ impl Tim {
     pub(crate) fn restart(&mut self, at: u64) {
         self.advance(at);
         self.generate(UPDATE, at);
-        self.take_trigger();
+        self.flag(TRIGGER);
         self.modulate(0);
     }
 
-    fn take_trigger(&mut self) {
-        self.sr |= TRIGGER;
-        self.request(TRIGGER);
+    /// Sets flags, and asks the DMA if their requests are on: an enable stands eight bits above its flag.
+    fn flag(&mut self, flags: u32) {
+        self.sr |= flags;
+        self.requests |= flags << 8 & self.dier;
     }
 
-    /// Asks the DMA, if the request of a flag is on: its enable stands eight bits above the flag.
-    fn request(&mut self, flags: u32) {
-        self.requests |= flags << 8 & self.dier;
+    /// Loads what is buffered.
+    fn load(&mut self) {
+        self.counter.load();
+        self.ccr.iter_mut().for_each(BufferedRegister::load);
     }
 
     /// The requests that stand, as flags: update, channels 1 to 4, trigger.
@@ -298,13 +297,21 @@ impl Tim {
 
     /// When the counter will next make a DMA request.
     pub(crate) fn next_request(&self) -> Option<u64> {
-        if self.dier & REQUESTS == 0 || !self.counter.counts() {
+        if self.dier & REQUESTS == 0 {
+            return None;
+        }
+        self.next_flag(|flag| (self.dier >> 8) & flag != 0)
+    }
+
+    /// When the counter will next set one of the flags that are wanted.
+    fn next_flag(&self, wanted: impl Fn(u32) -> bool) -> Option<u64> {
+        if !self.counter.counts() {
             return None;
         }
         let update = self.counter.update_after(self.seen);
-        let updates = ((self.dier >> 8) & UPDATE != 0 && self.cr1 & UDIS == 0).then_some(update);
+        let updates = (self.cr1 & UDIS == 0 && wanted(UPDATE)).then_some(update);
         let compares = (0..self.kind.channels)
-            .filter(|channel| (self.dier >> 8) & (2 << channel) != 0 && !self.is_input(*channel))
+            .filter(|channel| wanted(2 << channel) && !self.is_input(*channel))
             .map(|channel| self.next_match(channel));
         let soonest = updates.into_iter().chain(compares).min()?;
         Some(self.time_of_event(soonest))
@@ -326,7 +333,7 @@ impl Tim {
         self.counter.go_on(at);
         self.counter.enabled = true;
         self.seen = 0;
-        self.take_trigger();
+        self.flag(TRIGGER);
     }
 
     /// An edge comes at an input: TI1 to TI4 are 0 to 3.
@@ -342,7 +349,7 @@ impl Tim {
                 RESTARTS => self.restart(at),
                 STARTS if !self.counter.enabled => self.start(at),
                 COUNTS_EDGES => {
-                    self.take_trigger();
+                    self.flag(TRIGGER);
                     self.step(false, at);
                 }
                 _ => {}
@@ -355,8 +362,8 @@ impl Tim {
     fn latch(&mut self, channel: usize, at: u64, others: bool) {
         self.ccr[channel] = BufferedRegister::new(self.counter.count(at));
         let over = bit(self.sr, 1 + channel as u32) || others;
-        self.sr |= 2 << channel | u32::from(over) << (9 + channel);
-        self.request(2 << channel);
+        self.sr |= u32::from(over) << (9 + channel);
+        self.flag(2 << channel);
     }
 
     /// Returns `true` if an edge at this input would raise an interrupt line.
@@ -590,8 +597,7 @@ impl Tim {
     /// EGR (section 18.4.6).
     fn generate(&mut self, value: u32, now: u64) {
         let value = value & self.kind.egr;
-        self.sr |= value & !UPDATE;
-        self.request(value & !UPDATE);
+        self.flag(value & !UPDATE);
         if value & BREAK != 0 {
             self.bdtr &= !MOE;
         }
@@ -600,11 +606,9 @@ impl Tim {
         }
         if self.cr1 & UDIS == 0 {
             self.turn_outputs_on();
-            self.counter.load();
-            self.ccr.iter_mut().for_each(BufferedRegister::load);
+            self.load();
             if self.cr1 & URS == 0 {
-                self.sr |= UPDATE;
-                self.request(UPDATE);
+                self.flag(UPDATE);
             }
             // MMS reset and update.
             self.trigger_now |= matches!(field(self.cr2, 4, 3), 0b000 | 0b010);
@@ -630,14 +634,12 @@ impl Tim {
     /// Sets the flags of ticks after `seen` up to `to`.
     fn fill_in(&mut self, to: u64) {
         if self.cr1 & UDIS == 0 && self.counter.update_after(self.seen) <= to {
-            self.sr |= UPDATE;
-            self.request(UPDATE);
+            self.flag(UPDATE);
             self.turn_outputs_on();
         }
         for channel in 0..self.kind.channels {
             if !self.is_input(channel) && self.next_match(channel) <= to {
-                self.sr |= 2 << channel;
-                self.request(2 << channel);
+                self.flag(2 << channel);
                 self.references[channel] = self.matched(channel);
             }
         }
@@ -851,16 +853,10 @@ impl Peripheral for Tim {
     }
 
     fn next_interrupt(&self) -> Option<u64> {
-        if self.dier == 0 || !self.counter.counts() {
+        if self.dier == 0 {
             return None;
         }
-        let update = self.counter.update_after(self.seen);
-        let updates = (self.cr1 & UDIS == 0 && self.would_raise(UPDATE)).then_some(update);
-        let compares = (0..self.kind.channels)
-            .filter(|channel| self.would_raise(2 << channel) && !self.is_input(*channel))
-            .map(|channel| self.next_match(channel));
-        let soonest = updates.into_iter().chain(compares).min()?;
-        Some(self.time_of_event(soonest))
+        self.next_flag(|flag| self.would_raise(flag))
     }
 
     fn set_clocks(&mut self, clocks: &ClockTree, now: u64) {

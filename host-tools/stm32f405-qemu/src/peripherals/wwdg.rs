@@ -11,7 +11,7 @@ const EWI: u32 = 1 << 9;
 const T6: u32 = 0x40;
 const COUNTS: u32 = 0x80;
 
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Wwdg {
     /// The counter when it was loaded.
     loaded: u32,
@@ -32,14 +32,9 @@ impl Wwdg {
     pub(crate) fn new(pclk: u32) -> Self {
         Self {
             loaded: 0x7f,
-            since_ns: 0,
-            seen: 0,
-            enabled: false,
             cfr: 0x7f,
-            ewif: false,
-            bites: false,
             pclk,
-            notes: Notes::default(),
+            ..Self::default()
         }
     }
 

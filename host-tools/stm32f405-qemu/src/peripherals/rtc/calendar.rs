@@ -9,7 +9,7 @@ const PM: u32 = 1 << 22;
 
 /// A date and time of day, in seconds since 2000-01-01 00:00:00, and the day of the week, 1 to 7: firmware
 /// sets it apart from the date.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct Moment {
     pub(super) seconds: u64,
     pub(super) weekday: u32,
@@ -51,6 +51,16 @@ fn number(bcd: u32) -> u32 {
     (bcd >> 4) * 10 + (bcd & 0xf)
 }
 
+/// The hour in TR or in the register of an alarm.
+fn hour_of(register: u32, twelve_hours: bool) -> u32 {
+    let hour = number(field(register, 16, 6));
+    if twelve_hours {
+        hour % 12 + 12 * u32::from(register & PM != 0)
+    } else {
+        hour
+    }
+}
+
 impl Moment {
     /// Contents of TR and DR after a reset: Monday, 1 January 2000, 00:00:00.
     pub(super) const RESET: Self = Self {
@@ -60,21 +70,10 @@ impl Moment {
 
     /// The moment that TR and DR give. `None` if there is no such date or time.
     pub(super) fn from_registers(tr: u32, dr: u32, twelve_hours: bool) -> Option<Self> {
-        let (hour, minute, second) = (
-            number(field(tr, 16, 6)),
-            number(field(tr, 8, 7)),
-            number(field(tr, 0, 7)),
-        );
-        let hour = if twelve_hours {
-            hour % 12 + 12 * u32::from(tr & PM != 0)
-        } else {
-            hour
-        };
-        let (year, month, day) = (
-            number(field(dr, 16, 8)),
-            number(field(dr, 8, 5)),
-            number(field(dr, 0, 6)),
-        );
+        let hour = hour_of(tr, twelve_hours);
+        let [minute, second] = [(8, 7), (0, 7)].map(|(low, width)| number(field(tr, low, width)));
+        let dates = [(16, 8), (8, 5), (0, 6)];
+        let [year, month, day] = dates.map(|(low, width)| number(field(dr, low, width)));
         let exists = hour < 24
             && minute < 60
             && second < 60
@@ -167,15 +166,9 @@ fn day_fits(moment: &Moment, alarm: u32) -> bool {
 
 /// The first second of a day from `from` on that fits hour, minute and second, as far as they are not masked.
 fn next_in_day(from: u64, alarm: u32, twelve_hours: bool) -> Option<u64> {
-    let wanted = |at, width, mask| (!bit(alarm, mask)).then(|| number(field(alarm, at, width)));
-    let hour = wanted(16, 6, 23).map(|hour| {
-        if twelve_hours {
-            hour % 12 + 12 * u32::from(alarm & PM != 0)
-        } else {
-            hour
-        }
-    });
-    let (minute, second) = (wanted(8, 7, 15), wanted(0, 7, 7));
+    let hour = (!bit(alarm, 23)).then(|| hour_of(alarm, twelve_hours));
+    let wanted = |at, mask| (!bit(alarm, mask)).then(|| number(field(alarm, at, 7)));
+    let (minute, second) = (wanted(8, 15), wanted(0, 7));
     let range = |wanted: Option<u32>, end: u32| match wanted {
         Some(wanted) if wanted >= end => 0..0,
         Some(wanted) => wanted..wanted + 1,

@@ -61,13 +61,6 @@ fn the_crystal_is_captured_by_the_timer_whose_input_it_can_be() {
 }
 
 #[test]
-fn the_counter_counts_up_and_starts_again_after_the_period() {
-    let mut tim = at_100_khz();
-    let counts = [5_000, 9_999, 10_000, 1_000_005_000].map(|at| tim.get(CNT, at));
-    assert_eq!(counts, [420, 839, 0, 420]);
-}
-
-#[test]
 fn the_update_flag_rises_at_the_period_and_a_zero_clears_it() {
     let mut tim = at_100_khz();
     assert_eq!([9_999, 10_000].map(|at| tim.get(SR, at) & 1), [0, 1]);
@@ -164,14 +157,6 @@ fn a_preloaded_compare_value_waits_for_the_update() {
     assert_eq!(tim.get(SR, 9_999) & 2, 0, "still 0, which has not come");
     tim.put(10_000, [(SR, 0)]);
     assert_eq!([10_999, 11_000].map(|at| tim.get(SR, at) & 2), [0, 2]);
-}
-
-#[test]
-fn one_pulse_mode_stops_at_the_update() {
-    let mut tim = at_100_khz();
-    tim.put(0, [(CR1, CEN | OPM)]);
-    assert_eq!([9_999, 10_000].map(|at| tim.get(CR1, at) & CEN), [CEN, 0]);
-    assert_eq!((tim.get(SR, 50_000) & 1, tim.get(CNT, 50_000)), (1, 0));
 }
 
 #[test]
