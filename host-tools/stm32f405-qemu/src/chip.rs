@@ -1,7 +1,7 @@
 //! The parts that a run can be of: their memory, their peripherals and their pins.
 //!
 //! The table `chips.txt` is not hand-written. It comes from the crate `stm32-metapac`, whose metadata come
-//! from ST's own database. `tests/all/chips.rs` makes it and holds it against that crate. Device numbers and
+//! from ST's own database. `tests/all/tables.rs` makes it and holds it against that crate. Device numbers and
 //! limits of clocks are in no such database, and stand here.
 
 use std::fmt;

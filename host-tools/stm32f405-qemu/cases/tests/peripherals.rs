@@ -279,6 +279,9 @@ mod memories {
             }
         }
         assert_eq!(CRC.dr().read(), remainder);
+        CRC.idr().write_value(0xa5);
+        CRC.cr().write(|w| w.set_reset(true));
+        assert_eq!((CRC.dr().read(), CRC.idr().read()), (u32::MAX, 0xa5));
     }
 
     #[test]

@@ -24,8 +24,7 @@ fn cargo_test(options: &[&str], words: &[&str]) -> (i32, String) {
         .env("CARGO_TARGET_THUMBV7EM_NONE_EABIHF_RUNNER", runner.join(" "))
         .current_dir(PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../.."));
     let ran = cargo.output().unwrap();
-    let said = [ran.stdout, ran.stderr].concat();
-    (ran.status.code().unwrap(), String::from_utf8(said).unwrap())
+    (ran.status.code().unwrap(), super::said(&ran))
 }
 
 #[test]

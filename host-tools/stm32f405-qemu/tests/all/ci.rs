@@ -10,6 +10,8 @@ use std::process::{Command, Output};
 
 use serde_yaml_ng::Value;
 
+use super::said;
+
 const RUNNER: &str = env!("CARGO_BIN_EXE_stm32-emu");
 const TARGET: &str = "thumbv7em-none-eabihf";
 
@@ -71,10 +73,6 @@ fn bash(folder: &Path, script: &str, variables: &[(String, String)]) -> Output {
         .env_remove("CARGO_TARGET_DIR")
         .envs(variables.iter().cloned());
     bash.output().unwrap()
-}
-
-fn said(output: &Output) -> String {
-    String::from_utf8_lossy(&[&*output.stdout, &*output.stderr].concat()).into_owned()
 }
 
 #[test]
@@ -225,14 +223,8 @@ fn the_action_installs_what_is_missing_from_its_own_repository() {
         &format!("cargo install --locked --path {package}"),
     ];
     assert_eq!(lines, expected);
-    let manifest = root().join(package).join("Cargo.toml").canonicalize().unwrap();
-    assert_eq!(
-        manifest,
-        Path::new(env!("CARGO_MANIFEST_DIR"))
-            .join("Cargo.toml")
-            .canonicalize()
-            .unwrap()
-    );
+    let own = Path::new(env!("CARGO_MANIFEST_DIR")).canonicalize().unwrap();
+    assert_eq!(root().join(package), own);
 }
 
 #[test]

@@ -8,3 +8,17 @@ mod images;
 mod machine;
 mod qemu;
 mod registers;
+mod sensor;
+mod tables;
+
+use std::process::{Command, Output};
+
+/// The program `stm32-emu`.
+fn emulator() -> Command {
+    Command::new(env!("CARGO_BIN_EXE_stm32-emu"))
+}
+
+/// All that a program said.
+fn said(output: &Output) -> String {
+    String::from_utf8_lossy(&[&*output.stdout, &*output.stderr].concat()).into_owned()
+}

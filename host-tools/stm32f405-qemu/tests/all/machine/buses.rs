@@ -1,7 +1,8 @@
 //! I2C and SPI within the machine: pins, devices, DMA and interrupts.
 
-use stm32f405_qemu::{Device, Level, SpiFrame};
+use stm32f405_qemu::{Device, SpiFrame};
 
+use super::super::sensor::Sensor;
 use super::bench::*;
 
 const I2C1: u32 = 0x4000_5400;
@@ -11,57 +12,6 @@ const AF: u32 = 1 << 10;
 const BTF: u32 = 1 << 2;
 const I2C1_EV: usize = 31;
 const I2C1_ER: usize = 32;
-
-/// Registers behind a pointer, as most sensors have them. It raises PB0 when it was read.
-#[derive(Default)]
-struct Sensor {
-    registers: [u8; 8],
-    pointer: Option<usize>,
-    starts: Vec<(bool, u64)>,
-    stops: usize,
-    levels: Vec<Level>,
-}
-
-impl Device for Sensor {
-    fn start(&mut self, read: bool, at_ns: u64) -> bool {
-        self.starts.push((read, at_ns));
-        if !read {
-            self.pointer = None;
-        }
-        true
-    }
-
-    fn write(&mut self, byte: u8, _at_ns: u64) -> bool {
-        match self.pointer {
-            None => self.pointer = Some(byte.into()),
-            Some(at) if at < 8 => {
-                self.registers[at] = byte;
-                self.pointer = Some(at + 1);
-            }
-            Some(_) => return false,
-        }
-        true
-    }
-
-    fn read(&mut self, at_ns: u64) -> u8 {
-        let at = self.pointer.unwrap_or(0);
-        self.pointer = Some(at + 1);
-        self.levels.push(Level {
-            pin: "PB0".into(),
-            at_ns: at_ns + 1_000,
-            high: true,
-        });
-        self.registers[at % 8]
-    }
-
-    fn stop(&mut self, _at_ns: u64) {
-        self.stops += 1;
-    }
-
-    fn levels(&mut self) -> Vec<Level> {
-        std::mem::take(&mut self.levels)
-    }
-}
 
 /// Sends back what came before, with one bit turned.
 #[derive(Default)]
@@ -153,32 +103,6 @@ fn an_address_without_a_device_and_a_bus_without_pins_give_af_with_its_interrupt
     let mut bench = on_i2c(|_| {});
     address(&mut bench, 0x90, 0);
     assert!(bench.outcome().unmodelled[0].contains("no device of this run"));
-}
-
-#[test]
-fn the_dma_writes_to_a_sensor_and_reads_from_it_and_refuses_the_last_byte() {
-    const TX: u32 = stream(DMA1, 6);
-    const RX: u32 = stream(DMA1, 0);
-    let mut sensor = None;
-    let mut bench = on_i2c(|run| sensor = Some(run.devices.on_i2c("I2C1", 0x48, Sensor::default())));
-    bench.board.sram[..5].copy_from_slice(&[2, 10, 11, 12, 13]);
-    bench.write(I2C1 + 0x04, 42 | 1 << 11 | 1 << 9);
-    bench.start_stream(TX, 5, I2C1 + 0x10, SRAM, 1 << 25 | 1 << 10 | 0b01 << 6 | 1 << 4);
-    address(&mut bench, 0x90, 0);
-    bench.pass(600_000);
-    assert_eq!(bench.read(SR1) & BTF, BTF);
-    assert!(bench.has_line(I2C1_EV) && bench.has_line(17), "DMA1_Stream6");
-    // Back to register 2, and three bytes from there.
-    bench.write(I2C1 + 0x04, 42);
-    address(&mut bench, 0x90, 0);
-    bench.write(I2C1 + 0x10, 2);
-    pass(&mut bench, 90_000);
-    bench.write(I2C1 + 0x04, 42 | 1 << 12 | 1 << 11);
-    bench.start_stream(RX, 3, I2C1 + 0x10, SRAM + 0x10, 1 << 25 | 1 << 10 | 1 << 4);
-    address(&mut bench, 0x91, 1 << 10);
-    bench.run(bench.board.now + 2_000_000, |_| {});
-    assert_eq!(bench.board.sram[0x10..0x14], [10, 11, 12, 0]);
-    assert_eq!(sensor.unwrap().lock().unwrap().pointer, Some(5), "no byte more");
 }
 
 /// SPI1 at PA5 to PA7 (AF5), PA4 as select: 84 MHz / 8, mode 3.

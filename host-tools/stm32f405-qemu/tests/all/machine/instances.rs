@@ -131,6 +131,21 @@ fn a_register_that_a_smaller_timer_lacks_is_reported() {
 }
 
 #[test]
+fn each_line_of_exti_raises_its_own_interrupt_and_none_while_it_is_masked() {
+    // Table 61.
+    let shared = [[23; 5].as_slice(), &[40; 6]].concat();
+    let interrupts = [&[6, 7, 8, 9, 10][..], &shared, &[1, 41, 42, 62, 76, 2, 3]].concat();
+    assert_eq!(interrupts.len(), 23);
+    for (line, interrupt) in interrupts.into_iter().enumerate() {
+        let (mut bench, bit) = (bench(), 1 << line);
+        bench.set(EXTI, [(0x10, bit)]);
+        assert!(bench.board.lines.is_empty(), "line {line}");
+        bench.set(EXTI, [(0x14, bit), (0x00, bit), (0x10, bit)]);
+        assert!(bench.board.lines.iter().eq([&interrupt]), "line {line}");
+    }
+}
+
+#[test]
 fn every_usart_echoes_by_interrupt_on_its_own_pins() {
     const GPIOD: u32 = 0x4002_0c00;
     // Number, name, address, line, transmitter, receiver, function.
@@ -448,14 +463,9 @@ fn copies_between_memories_leave_direct_mode_and_cannot_be_circular_or_of_dma1()
 fn an_encoder_knows_the_level_that_its_other_input_has_had_from_the_beginning() {
     const SMCR: u32 = 0x08;
     const CNT: u32 = 0x24;
-    let input = |pin: &str, changes_ns: &[u64]| PinInput {
-        pin: pin.into(),
-        since: Since::PowerUp,
-        changes_ns: changes_ns.to_vec(),
-    };
-    let mut bench = MachineBench::with(|run| {
-        run.pin_inputs = vec![input("PA6", &[30_000, 50_000]), input("PA7", &[1_000, 40_000])];
-    });
+    let inputs = [("PA6", [30_000, 50_000]), ("PA7", [1_000, 40_000])];
+    let inputs = inputs.map(|(pin, changes)| PinInput::new(pin, Since::PowerUp, changes));
+    let mut bench = MachineBench::with(|run| run.pin_inputs = inputs.into());
     bench.pass(10_000);
     for pin in [6, 7] {
         set_function(&mut bench, GPIOA, pin, 2);

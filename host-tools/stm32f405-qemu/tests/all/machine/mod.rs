@@ -263,14 +263,6 @@ fn a_machine_that_listens_to_a_pin_or_a_receiver_is_not_at_rest() {
 }
 
 #[test]
-fn resetting_a_peripheral_through_rcc_stops_it() {
-    let mut bench = MachineBench::new(Vec::new());
-    bench.start_tim3();
-    bench.set(RCC, [(0x20, 1 << 1), (0x20, 0)]);
-    assert_eq!((bench.read(TIM3), bench.read(TIM3 + 0x2c)), (0, 0xffff));
-}
-
-#[test]
 fn a_software_reset_starts_the_peripherals_anew_and_the_world_goes_on() {
     let mut bench = acquiring();
     bench.run(1_000_000, MachineBench::clear_stream0);
@@ -331,11 +323,7 @@ fn the_watchdog_bites_in_the_midst_of_an_erase_that_takes_longer() {
 /// samples at 100 kHz.
 fn capturing(changes_ns: Vec<u64>) -> MachineBench {
     let mut bench = MachineBench::with(|run| {
-        run.pin_inputs = vec![PinInput {
-            pin: "PA15".into(),
-            since: Since::FirstScan,
-            changes_ns,
-        }];
+        run.pin_inputs = vec![PinInput::new("PA15", Since::FirstScan, changes_ns)];
     });
     bench.set(GPIOA, [(0x24, 1 << 28), (0x00, 0xa800_0000)]);
     bench.write(TIM2 + 0x08, 0b010 << 4 | 0b110);

@@ -73,20 +73,6 @@ fn a_timer_plays_pairs_from_memory_by_one_request() {
 }
 
 #[test]
-fn a_ring_goes_round_and_its_half_and_end_interrupt() {
-    let mut bench = MachineBench::with(|_| {});
-    play(
-        &mut bench,
-        &[[1000, 0], [1001, 0], [1002, 0], [1003, 0]],
-        0b1_1000 | 1 << 8,
-    );
-    let clear = |bench: &mut MachineBench| bench.write(DMA1 + 0x0c, 0x3d << 6);
-    bench.run(85_000, clear);
-    assert_eq!(bench.board.rises[&DMA1_STREAM5], [20_000, 40_000, 60_000, 80_000]);
-    assert_eq!((outputs(&mut bench)[0], bench.read(DAC + SR)), (1002, 0));
-}
-
-#[test]
 fn a_channel_of_its_own_has_its_own_stream_and_an_underrun_interrupts() {
     let mut bench = MachineBench::with(|_| {});
     let cr = 7 << 25 | 0b01 << 13 | 0b01 << 11 | 1 << 10 | 0b01 << 6;

@@ -3,7 +3,6 @@
 use super::bench::*;
 
 const DMA1_STREAM5: usize = 16;
-const TIM1: u32 = 0x4001_0000;
 
 /// TIM3 at 100 kHz with its first channel in PWM mode 1, high for a quarter, at PA6 (AF2).
 fn modulating(change: impl FnOnce(&mut stm32f405_qemu::Run)) -> MachineBench {
@@ -15,48 +14,6 @@ fn modulating(change: impl FnOnce(&mut stm32f405_qemu::Run)) -> MachineBench {
     );
     bench.set(TIM3, [(0x14, 1), (0x00, 1)]);
     bench
-}
-
-#[test]
-fn a_pwm_output_moves_its_pin_and_its_edges_are_in_the_outcome() {
-    let mut bench = modulating(|run| run.record_pins = true);
-    bench.pass(25_000);
-    let outcome = bench.outcome();
-    assert_eq!(outcome.pins.len(), 1);
-    let pin = &outcome.pins[0];
-    let edges = [
-        (0, true),
-        (2_500, false),
-        (10_000, true),
-        (12_500, false),
-        (20_000, true),
-        (22_500, false),
-    ];
-    assert_eq!((&*pin.name, &pin.changes[..]), ("PA6", &edges[..]));
-    assert_eq!(bench.read(GPIOA + 0x10) >> 6 & 1, 0);
-    assert_eq!(outcome.unmodelled, [""; 0]);
-}
-
-#[test]
-fn a_wire_leads_a_pwm_output_to_a_timer_that_measures_it() {
-    let mut bench = modulating(|run| run.wires = vec![("PA6".into(), "PA0".into())]);
-    // TIM2 at PA0 (AF1): PWM input, with the interrupt of its first channel.
-    bench.set(
-        TIM2,
-        [
-            (0x18, 0b10 << 8 | 0b01),
-            (0x20, 0b0011_0001),
-            (0x08, 0b101 << 4 | 0b100),
-        ],
-    );
-    bench.set(TIM2, [(0x0c, 2), (0x00, 1)]);
-    let mut periods = Vec::new();
-    bench.run(45_000, |bench| {
-        if bench.has_line(28) {
-            periods.push((bench.board.now, bench.read(TIM2 + 0x34), bench.read(TIM2 + 0x38)));
-        }
-    });
-    assert_eq!(periods[1..], [20_000, 30_000, 40_000].map(|at| (at, 840, 210)));
 }
 
 #[test]
@@ -94,30 +51,4 @@ fn an_update_fetches_the_next_compare_value_by_dma() {
         .collect();
     assert_eq!(widths, [2_500, 2_500, 5_000, 1_000]);
     assert_eq!(bench.board.rises[&13], [30_000], "DMA1_Stream2");
-}
-
-#[test]
-fn complementary_outputs_move_in_opposite_ways() {
-    let mut bench = MachineBench::with(|run| run.record_pins = true);
-    // TIM1_CH1 at PA8, TIM1_CH1N at PA7 (AF1): 168 MHz.
-    bench.set(GPIOA, [(0x20, 1 << 28), (0x24, 1), (0x00, 0b1010 << 14)]);
-    bench.set(
-        TIM1,
-        [
-            (0x2c, 1679),
-            (0x34, 420),
-            (0x18, 0b110 << 4),
-            (0x20, 0b101),
-            (0x44, 1 << 15),
-            (0x00, 1),
-        ],
-    );
-    bench.pass(11_000);
-    let outcome = bench.outcome();
-    let changes = |name: &str| {
-        let pin = outcome.pins.iter().find(|pin| pin.name == name);
-        pin.map_or(vec![], |pin| pin.changes.clone())
-    };
-    assert_eq!(changes("PA8")[1..], [(2_500, false), (10_000, true)]);
-    assert_eq!(changes("PA7"), [(2_500, true), (10_000, false)]);
 }
