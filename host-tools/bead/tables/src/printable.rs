@@ -99,11 +99,4 @@ mod tests {
         assert_eq!(beginning("µmµ", 2), "µm…");
         assert_eq!(beginning("", 0), "");
     }
-
-    #[test]
-    fn json_stays_json() {
-        let text = serde_json::to_string("\u{9b}2J").expect("a string");
-        let back: String = serde_json::from_str(&printable(&text)).expect("still JSON");
-        assert_eq!(back, "\u{9b}2J");
-    }
 }

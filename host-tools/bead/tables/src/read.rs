@@ -87,16 +87,6 @@ pub struct Batch {
 }
 
 impl Batch {
-    /// Number of rows.
-    pub fn len(&self) -> usize {
-        self.columns.first().map_or(0, Vec::len)
-    }
-
-    /// True if it has no rows.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
     /// The rows, each with a cell for each column.
     pub fn into_rows(self) -> impl Iterator<Item = Vec<Cell>> {
         let mut columns: Vec<_> = self.columns.into_iter().map(Vec::into_iter).collect();
@@ -435,7 +425,9 @@ mod tests {
         assert_eq!((reader.note("of"), reader.note("else")), (Some("tests"), None));
         let rows = reader.all_batches().flat_map(|batch| batch.unwrap().into_rows());
         assert!(rows.eq((0..70_000).map(row)));
-        let some = reader.batches(vec![1]).map(|batch| batch.unwrap().len());
+        let some = reader
+            .batches(vec![1])
+            .map(|batch| batch.unwrap().columns[0].len());
         assert_eq!(some.sum::<usize>(), 70_000);
     }
 

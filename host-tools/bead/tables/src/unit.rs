@@ -65,7 +65,7 @@ pub struct Unit {
 }
 
 /// Standard gravity, m/s² (ISO 80000-3).
-const GRAVITY: f64 = 9.806_65;
+pub const GRAVITY: f64 = 9.806_65;
 /// A pound-force, N (NIST SP 811).
 const POUND: f64 = 4.448_221_615_260_5;
 
