@@ -110,7 +110,7 @@ fn told(frame: &Frame) {
     assert!(!line.contains(char::is_control), "{line:?}");
     let again: serde_json::Value = serde_json::from_str(&line).expect("what is printed is JSON");
     assert_eq!(again["kind"], frame.message.kind().name());
-    protobuf::message(frame, &frame.message);
+    protobuf::message(frame);
     if let Message::Fetched(fetched) = &frame.message {
         // It may carry anything.
         let _ = fetched.message();

@@ -113,19 +113,44 @@ impl Answer {
 
     /// The refusal, with its reason.
     pub fn refusal(&self) -> LineError {
-        let Reply { outcome, detail, .. } = &self.reply;
-        let name = outcome.to_string().replace('_', " ");
-        let next = match outcome {
-            Outcome::Unsigned => ", by --key F.key",
-            _ => "",
-        };
-        let who = format!("the bead at address {} refused: {name}", self.address);
-        LineError::Refused(if detail.as_str().is_empty() {
-            who
-        } else {
-            format!("{who}; {}{next}", detail.as_str())
-        })
+        refusal(&self.reply, self.address)
     }
+}
+
+/// The refusal of a request by the bead with this address.
+fn refusal(Reply { outcome, detail, .. }: &Reply, address: u8) -> LineError {
+    let name = outcome.to_string().replace('_', " ");
+    let next = match outcome {
+        Outcome::Unsigned => ", by --key F.key",
+        _ => "",
+    };
+    let who = format!("the bead at address {address} refused: {name}");
+    LineError::Refused(if detail.as_str().is_empty() {
+        who
+    } else {
+        format!("{who}; {}{next}", detail.as_str())
+    })
+}
+
+/// Signs requests to one bead, each copy with a counter of its own.
+pub(crate) struct Signer {
+    key: Key,
+    uid: [u8; 12],
+    ticket: Ticket,
+}
+
+impl Signer {
+    fn sign(&mut self, request: &Request, asked: u8, number: u16) -> Request {
+        self.ticket.counter = self.ticket.counter.saturating_add(1);
+        request.signed(&self.key, &self.uid, asked, number, self.ticket)
+    }
+}
+
+/// The bytes of a request to the bead with this address.
+pub fn encoded(address: u8, number: u16, request: &Request) -> Vec<u8> {
+    let mut buffer = [0; MAX_REQUEST];
+    let bytes = encode_request(address, number, request, &mut buffer);
+    bytes.expect("MAX_REQUEST bytes always suffice").to_vec()
 }
 
 impl Conversation {
@@ -187,7 +212,7 @@ impl Conversation {
     pub fn request(&mut self, request: &Request) -> Result<Answer, LineError> {
         match self.key.clone().filter(|_| request.changes_state()) {
             Some(key) => self.signed(request, &key),
-            None => self.ask(request, |_, _| request.clone()),
+            None => self.ask(request, None),
         }
     }
 
@@ -202,10 +227,16 @@ impl Conversation {
     }
 
     fn sign_and_ask(&mut self, request: &Request, key: &Key) -> Result<Answer, LineError> {
+        let signer = self.signer(key, self.patience * ATTEMPTS + MARGIN)?;
+        self.ask(request, Some(signer))
+    }
+
+    /// A signer of requests, which hold for a time. The bead is asked for what a signature needs.
+    pub(crate) fn signer(&mut self, key: &Key, holds: Duration) -> Result<Signer, LineError> {
         let identity = match &self.identity {
             Some(identity) => identity.clone(),
             None => {
-                let answer = self.ask(&Request::Identity, |_, _| Request::Identity)?;
+                let answer = self.ask(&Request::Identity, None)?;
                 let identity = answer.last("identity frame", |frame| match &frame.message {
                     Message::Identity(identity) => Some(identity.clone()),
                     _ => None,
@@ -213,26 +244,25 @@ impl Conversation {
                 self.identity.insert(identity).clone()
             }
         };
-        let status = self.ask(&Request::Status, |_, _| Request::Status)?;
+        let status = self.ask(&Request::Status, None)?;
         let (index, guard) = status.last("guard frame", |frame| match &frame.message {
             Message::Guard(guard) => Some((frame.header.sample_index, *guard)),
             _ => None,
         })?;
-        let holds = self.patience * ATTEMPTS + MARGIN;
         let scans = (holds.as_secs_f64() * f64::from(identity.sample_rate_hz)) as u64;
-        let asked = self.asked;
-        self.ask(request, |number, attempt| {
-            let ticket = Ticket {
-                counter: guard.counter.saturating_add(1 + u64::from(attempt)),
+        Ok(Signer {
+            key: key.clone(),
+            uid: identity.uid,
+            ticket: Ticket {
+                counter: guard.counter,
                 boot: identity.boot,
                 until: index.saturating_add(scans),
-            };
-            request.signed(key, &identity.uid, asked, number, ticket)
+            },
         })
     }
 
-    /// Sends a request until a reply comes. `sealed` makes the copy for its number and each attempt.
-    fn ask(&mut self, request: &Request, sealed: impl Fn(u16, u32) -> Request) -> Result<Answer, LineError> {
+    /// Sends a request until a reply comes, signed if there is a signer.
+    fn ask(&mut self, request: &Request, mut signer: Option<Signer>) -> Result<Answer, LineError> {
         let asked = self.asked;
         // By these a bead may get another address, under which it replies. The number of the request is its
         // own all the same.
@@ -241,17 +271,12 @@ impl Conversation {
             self.hear(OTHERS, |_| None::<()>)?;
             self.is_alone()?;
         }
-        let number = self.next;
-        self.next = self.next.wrapping_add(1);
+        let number = self.next_number();
         self.evidence.begin();
         let rejected = self.reader.counters().rejected.total();
         let mut frames = Vec::new();
         for attempt in 0..ATTEMPTS {
-            let mut buffer = [0; MAX_REQUEST];
-            let sealed = sealed(number, attempt);
-            let bytes = encode_request(asked, number, &sealed, &mut buffer)
-                .expect("MAX_REQUEST bytes always suffice");
-            self.write(bytes)?;
+            self.send(number, request, signer.as_mut())?;
             let found = self.hear(self.patience, |frame| {
                 let is_asked = asked == ANY || moves || frame.header.address == asked;
                 match &frame.message {
@@ -324,16 +349,23 @@ impl Conversation {
         self.key.clone()
     }
 
-    /// The bead that is asked, and the number of the next request.
-    pub(crate) fn next_number(&mut self) -> (u8, u16) {
+    /// The number of the next request.
+    pub(crate) fn next_number(&mut self) -> u16 {
         let number = self.next;
         self.next = self.next.wrapping_add(1);
-        (self.asked, number)
+        number
     }
 
-    /// Sends bytes.
-    pub(crate) fn write(&mut self, bytes: &[u8]) -> Result<(), LineError> {
-        let sent = self.port.write(bytes);
+    /// Sends a copy of a request to the bead that is asked, signed if there is a signer.
+    pub(crate) fn send(
+        &mut self,
+        number: u16,
+        request: &Request,
+        signer: Option<&mut Signer>,
+    ) -> Result<(), LineError> {
+        let signed = signer.map(|signer| signer.sign(request, self.asked, number));
+        let bytes = encoded(self.asked, number, signed.as_ref().unwrap_or(request));
+        let sent = self.port.write(&bytes);
         sent.map_err(|source| LineError::Failed(format!("cannot send to {}: {source}", self.line)))
     }
 
@@ -353,21 +385,15 @@ impl Conversation {
 
     /// The refusal of a request, with its reason.
     pub(crate) fn refused(&self, reply: &Reply) -> LineError {
-        let answer = Answer {
-            frames: Vec::new(),
-            reply: reply.clone(),
-            address: self.replied.unwrap_or(self.asked),
-            lost: false,
-            attempts: 1,
-            collided: false,
-        };
-        answer.refusal()
+        refusal(reply, self.replied.unwrap_or(self.asked))
     }
 
-    /// Waits for the first frame of a boot, and returns its number.
-    pub(crate) fn await_boot(&mut self, patience: Duration) -> Result<Option<u32>, LineError> {
+    /// Waits up to 10 s for the first frame of a boot, and returns its number.
+    pub(crate) fn await_boot(&mut self) -> Result<Option<u32>, LineError> {
+        /// Erasing a sector takes four seconds; the rest is margin.
+        const START: Duration = Duration::from_secs(10);
         self.forget_identity();
-        self.listen(patience, |frame| match &frame.message {
+        self.listen(START, |frame| match &frame.message {
             // The first frame of a boot.
             Message::Identity(identity) if frame.header.sequence == 0 => Some(identity.boot),
             _ => None,
@@ -379,10 +405,8 @@ impl Conversation {
     /// # Errors
     /// As [`request_done`](Self::request_done), or it does not come back within 10 s.
     pub fn reboot(&mut self) -> Result<u32, LineError> {
-        /// Erasing a sector takes four seconds; the rest is margin.
-        const START: Duration = Duration::from_secs(10);
         self.request_done(&Request::Reboot)?;
-        let boot = self.await_boot(START)?;
+        let boot = self.await_boot()?;
         boot.ok_or_else(|| {
             LineError::Failed(format!(
                 "the bead{} at {} said that it would reset, and did not come back within 10 s; is it powered?",

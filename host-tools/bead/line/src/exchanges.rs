@@ -160,7 +160,7 @@ impl Conversation {
                 }
                 let events = assembly.push(&frame);
                 frames.push(frame);
-                if events.iter().any(|event| matches!(event, Event::Whole(_))) {
+                if events.iter().any(|event| matches!(event, Event::Strike(_))) {
                     return Ok(frames);
                 }
             }

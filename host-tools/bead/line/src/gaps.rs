@@ -15,8 +15,9 @@
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::{Duration, Instant};
 
-use bead_wire::{Arrival, MAX_REQUEST, Message, Outcome, Request, encode_request};
+use bead_wire::{Arrival, Message, Outcome, Request};
 
+use crate::conversation::encoded;
 use bead_recording::assembly::{Assembled, Assembly, Event, Restart};
 use bead_recording::frames::Frame;
 
@@ -110,7 +111,7 @@ impl Gaps {
         for event in self.assembly.push(frame) {
             match event {
                 Event::Restart(restart) => self.restart(restart),
-                Event::Whole(assembled) => {
+                Event::Strike(assembled) if assembled.strike.is_whole() => {
                     let strike = &assembled.strike;
                     self.find((strike.boot, strike.said.strike));
                     if let Some(copy) = assembled.fetched {
@@ -119,7 +120,7 @@ impl Gaps {
                         fetched = Some(*assembled);
                     }
                 }
-                Event::Gap(_) => {}
+                Event::Strike(_) => {}
             }
         }
         match &frame.message {
@@ -302,12 +303,6 @@ impl Gaps {
         });
         Some(bytes)
     }
-}
-
-fn encoded(address: u8, number: u16, request: &Request) -> Vec<u8> {
-    let mut buffer = [0; MAX_REQUEST];
-    let bytes = encode_request(address, number, request, &mut buffer);
-    bytes.expect("MAX_REQUEST bytes always suffice").to_vec()
 }
 
 #[cfg(test)]

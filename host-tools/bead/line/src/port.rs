@@ -77,7 +77,7 @@ fn ports() -> Vec<SerialPortInfo> {
 }
 
 /// The serial ports of this computer that an adapter may be at: those at USB, if there are any.
-pub fn all_serial() -> Vec<Address> {
+fn all_serial() -> Vec<Address> {
     let ports = ports();
     let is_usb = |port: &SerialPortInfo| matches!(port.port_type, SerialPortType::UsbPort(_));
     let any_usb = ports.iter().any(is_usb);
@@ -153,16 +153,7 @@ impl Address {
         self.open_with(baud, Parity::None)
     }
 
-    /// Opens the address as [`open`](Self::open) does, with even parity: the loader in the part's ROM has it
-    /// (AN3155).
-    ///
-    /// # Errors
-    /// [`PortError`].
-    pub fn open_with_even_parity(&self, baud: u32) -> Result<Port, PortError> {
-        self.open_with(baud, Parity::Even)
-    }
-
-    fn open_with(&self, baud: u32, parity: Parity) -> Result<Port, PortError> {
+    pub(crate) fn open_with(&self, baud: u32, parity: Parity) -> Result<Port, PortError> {
         let unconnected = |source: io::Error| {
             PortError(format!(
                 "cannot connect to {self}: {source}; start the server that has the bead's line, or correct the address"

@@ -10,6 +10,8 @@
 use std::fmt;
 use std::time::{Duration, Instant};
 
+use serialport::Parity;
+
 use crate::port::{Address, Port, PortError};
 
 /// Greatest number of bytes of a read or a write.
@@ -91,14 +93,6 @@ pub enum RomError {
     Gone(std::io::Error),
 }
 
-/// An answer of the loader.
-#[derive(Debug, PartialEq, Eq)]
-enum Answer {
-    Ack,
-    Nack,
-    Silence,
-}
-
 /// A loader that has answered.
 pub struct RomLoader {
     port: Port,
@@ -111,7 +105,7 @@ impl RomLoader {
     /// The port does not open, or no loader answers.
     pub fn open(address: &Address, baud: u32) -> Result<Self, RomError> {
         let mut loader = Self {
-            port: address.open_with_even_parity(baud)?,
+            port: address.open_with(baud, Parity::Even)?,
         };
         // Bytes from before the port was opened are no answer.
         loader.settle()?;
@@ -119,7 +113,7 @@ impl RomLoader {
         // complement, and refuses the second.
         for _ in 0..2 {
             loader.send(&[INIT])?;
-            if loader.answer(Duration::from_secs(1))? != Answer::Silence {
+            if loader.answer(Duration::from_secs(1))?.is_some() {
                 return Ok(loader);
             }
         }
@@ -134,7 +128,9 @@ impl RomLoader {
         self.begin(Command::GetId, 0)?;
         let mut answer = [0; 3];
         self.receive(&mut answer, Command::GetId, 0)?;
-        self.done(Command::GetId, 0, PATIENCE)?;
+        if !self.is_taken(PATIENCE, Command::GetId, 0)? {
+            return Err(RomError::Refused(Command::GetId.to_string(), 0));
+        }
         Ok(u16::from_be_bytes([answer[1], answer[2]]))
     }
 
@@ -145,15 +141,15 @@ impl RomLoader {
     pub fn read(&mut self, address: u32, bytes: &mut [u8]) -> Result<(), RomError> {
         let count = count(bytes);
         self.again(Command::Read, address, |loader| {
-            if loader.address(address)? != Answer::Ack {
+            if !loader.address(address)? {
                 return Ok(false);
             }
             loader.send(&[count, !count])?;
-            match loader.answer(PATIENCE)? {
-                Answer::Ack => loader.receive(bytes, Command::Read, address).map(|()| true),
-                Answer::Nack => Ok(false),
-                Answer::Silence => Err(cut(Command::Read, address)),
+            let is_taken = loader.is_taken(PATIENCE, Command::Read, address)?;
+            if is_taken {
+                loader.receive(bytes, Command::Read, address)?;
             }
+            Ok(is_taken)
         })
     }
 
@@ -165,10 +161,7 @@ impl RomLoader {
         let mut data = vec![count(bytes)];
         data.extend(bytes);
         self.again(Command::Write, address, |loader| {
-            if loader.address(address)? != Answer::Ack {
-                return Ok(false);
-            }
-            loader.checked(&data, PATIENCE, Command::Write, address)
+            Ok(loader.address(address)? && loader.checked(&data, PATIENCE, Command::Write, address)?)
         })
     }
 
@@ -188,9 +181,7 @@ impl RomLoader {
     /// # Errors
     /// [`RomError`].
     pub fn go(&mut self, address: u32) -> Result<(), RomError> {
-        self.again(Command::Go, address, |loader| {
-            Ok(loader.address(address)? == Answer::Ack)
-        })
+        self.again(Command::Go, address, |loader| loader.address(address))
     }
 
     /// Sends a command and what follows, until the loader takes all of it.
@@ -214,40 +205,30 @@ impl RomLoader {
     fn begin(&mut self, command: Command, address: u32) -> Result<(), RomError> {
         for _ in 0..TRIES {
             self.send(&[command as u8, !(command as u8)])?;
-            match self.answer(PATIENCE)? {
-                Answer::Ack => return Ok(()),
-                Answer::Nack => self.settle()?,
-                Answer::Silence => return Err(cut(command, address)),
+            if self.is_taken(PATIENCE, command, address)? {
+                return Ok(());
             }
+            self.settle()?;
         }
         Err(RomError::Locked(command.to_string()))
     }
 
-    /// Sends an address.
-    fn address(&mut self, address: u32) -> Result<Answer, RomError> {
+    /// Sends an address; false if the loader refuses it.
+    fn address(&mut self, address: u32) -> Result<bool, RomError> {
         self.send(&with_checksum(&address.to_be_bytes()))?;
-        match self.answer(PATIENCE)? {
-            Answer::Silence => Err(RomError::Cut("an address".to_owned(), address)),
-            other => Ok(other),
-        }
+        self.is_taken(PATIENCE, "an address", address)
     }
 
     /// Sends bytes with their checksum; false if the loader refuses them.
     fn checked(&mut self, bytes: &[u8], time: Duration, command: Command, at: u32) -> Result<bool, RomError> {
         self.send(&with_checksum(bytes))?;
-        match self.answer(time)? {
-            Answer::Silence => Err(cut(command, at)),
-            other => Ok(other == Answer::Ack),
-        }
+        self.is_taken(time, command, at)
     }
 
-    /// Waits for the ACK that ends an answer.
-    fn done(&mut self, command: Command, address: u32, time: Duration) -> Result<(), RomError> {
-        match self.answer(time)? {
-            Answer::Ack => Ok(()),
-            Answer::Nack => Err(RomError::Refused(command.to_string(), address)),
-            Answer::Silence => Err(cut(command, address)),
-        }
+    /// Waits for the answer to a part of `what`; false if the loader refuses it.
+    fn is_taken(&mut self, time: Duration, what: impl fmt::Display, at: u32) -> Result<bool, RomError> {
+        let answer = self.answer(time)?;
+        answer.ok_or_else(|| RomError::Cut(what.to_string(), at))
     }
 
     /// Waits for a quiet line: the loader refuses what it has left of a part that it took for a shorter one.
@@ -262,15 +243,14 @@ impl RomLoader {
         self.port.write(bytes).map_err(RomError::Gone)
     }
 
-    fn answer(&mut self, time: Duration) -> Result<Answer, RomError> {
+    /// Waits for the next answer: true for ACK, false for NACK, `None` for silence.
+    fn answer(&mut self, time: Duration) -> Result<Option<bool>, RomError> {
         let mut byte = [0];
-        match self.receive_within(&mut byte, time)? {
-            0 => Ok(Answer::Silence),
-            _ => match byte[0] {
-                ACK => Ok(Answer::Ack),
-                NACK => Ok(Answer::Nack),
-                other => Err(RomError::Stranger(other)),
-            },
+        match (self.receive_within(&mut byte, time)?, byte[0]) {
+            (0, _) => Ok(None),
+            (_, ACK) => Ok(Some(true)),
+            (_, NACK) => Ok(Some(false)),
+            (_, other) => Err(RomError::Stranger(other)),
         }
     }
 
@@ -279,7 +259,7 @@ impl RomLoader {
         if self.receive_within(bytes, PATIENCE)? == whole {
             return Ok(());
         }
-        Err(cut(command, address))
+        Err(RomError::Cut(command.to_string(), address))
     }
 
     /// Reads bytes until all are there or none has come for so long; gives their number.
@@ -294,10 +274,6 @@ impl RomLoader {
         }
         Ok(received)
     }
-}
-
-fn cut(command: Command, address: u32) -> RomError {
-    RomError::Cut(command.to_string(), address)
 }
 
 /// The number of bytes, as the loader counts them: one less.

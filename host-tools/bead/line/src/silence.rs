@@ -171,9 +171,10 @@ mod tests {
         seen.explain(ANY, &counters)
     }
 
-    fn link(bytes: u64, requests: u32, rejected_crc: u32) -> Message {
+    /// Counts of bytes, of requests, and of those with a wrong CRC.
+    fn link([bytes, requests, rejected_crc]: [u32; 3]) -> Message {
         let link = Link {
-            bytes,
+            bytes: bytes.into(),
             requests,
             rejected_crc,
             ..Link::default()
@@ -181,43 +182,33 @@ mod tests {
         link.into()
     }
 
-    fn status(strikes: u32) -> Message {
-        let status = Status::draw(&mut || 0);
-        Status { strikes, ..status }.into()
-    }
-
     #[test]
     fn what_the_bead_says_of_its_line_is_what_the_host_says_of_it() {
-        let cases: [(&[(u32, Message)], &str); 5] = [
+        let links = |counts: [[u32; 3]; 2]| counts.map(|counts| (0, link(counts))).to_vec();
+        let strikes = |strikes| {
+            let status = Status::draw(&mut || 0);
+            (0, Status { strikes, ..status }.into())
+        };
+        let reset = [(0, [9, 1, 0]), (1, [0; 3]), (2, [0; 3])].map(|(boot, counts)| (boot, link(counts)));
+        for (messages, expected) in [
             (
-                &[(0, link(0, 0, 0)), (0, link(0, 0, 0))],
-                "2 frames came; by its own count it never received a byte",
+                links([[0; 3]; 2]),
+                "2 frames came; by its own count it never received",
             ),
+            (links([[9, 1, 0]; 2]), "received 9 bytes before and none since"),
             (
-                &[(0, link(9, 1, 0)), (0, link(9, 1, 0))],
-                "received 9 bytes before and none since",
-            ),
-            (
-                &[(0, link(9, 1, 0)), (0, link(30, 1, 2))],
+                links([[9, 1, 0], [30, 1, 2]]),
                 "it received 21 bytes meanwhile and no request among them (2 with a wrong CRC",
             ),
+            (links([[9, 1, 0], [30, 3, 0]]), "understood 2 requests meanwhile"),
             (
-                &[(0, link(9, 1, 0)), (0, link(30, 3, 0))],
-                "it understood 2 requests meanwhile",
-            ),
-            (
-                &[(0, status(5)), (0, status(80))],
+                vec![strikes(5), strikes(80)],
                 "2 frames came, 75 strikes among them; none of them says",
             ),
-        ];
-        for (messages, expected) in cases {
-            let said = said(messages);
+            (reset.to_vec(), "it was reset 2 times meanwhile"),
+        ] {
+            let said = said(&messages);
             assert!(said.contains(expected), "{said}");
         }
-        let restarted = said(&[(0, link(9, 1, 0)), (1, link(0, 0, 0)), (2, link(0, 0, 0))]);
-        assert!(
-            restarted.contains("it was reset 2 times meanwhile"),
-            "{restarted}"
-        );
     }
 }

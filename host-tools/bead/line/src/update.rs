@@ -12,12 +12,9 @@ use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
 use bead_update::file::UpdateFile;
-use bead_wire::{
-    Board, Identity, MAX_PIECE, MAX_REQUEST, Manifest, Message, Outcome, Piece, Request, Ticket, UpdateStage,
-    encode_request,
-};
+use bead_wire::{Board, Identity, MAX_PIECE, Manifest, Message, Outcome, Piece, Request, UpdateStage};
 
-use crate::conversation::{Answer, Conversation, LineError};
+use crate::conversation::{Answer, Conversation, LineError, Signer};
 
 /// A bead makes room in four seconds at most, and checks an image in less.
 const WORKS: Duration = Duration::from_secs(10);
@@ -102,7 +99,7 @@ impl Conversation {
             let answer = self.with_patience(WORKS, |bead| bead.request(&request))?;
             match answer.reply.outcome {
                 Outcome::Done if waits => return Ok(()),
-                Outcome::Done => drop(self.await_boot(WORKS)?),
+                Outcome::Done => drop(self.await_boot()?),
                 Outcome::Kind => {
                     let why = "the firmware of this bead takes no image over its line; flash it by --probe once, or \
                                by --rom";
@@ -120,19 +117,23 @@ impl Conversation {
         let mut waiting = image.chunks(MAX_PIECE).enumerate();
         let all = waiting.len();
         let mut sent: VecDeque<SentPiece> = VecDeque::new();
-        let mut signer = self.signer()?;
+        let mut signer = self.piece_signer()?;
         let mut arrived = 0;
         while arrived < all {
             while sent.len() < WINDOW
                 && let Some((place, bytes)) = waiting.next()
             {
-                let request = Request::UpdateData {
-                    offset: (place * MAX_PIECE) as u32,
-                    bytes: Piece::try_from(bytes).map_err(|error| LineError::Failed(error.to_string()))?,
+                let bytes = Piece::try_from(bytes);
+                let mut piece = SentPiece {
+                    request: Request::UpdateData {
+                        offset: (place * MAX_PIECE) as u32,
+                        bytes: bytes.map_err(|error| LineError::Failed(error.to_string()))?,
+                    },
+                    number: self.next_number(),
+                    attempts: 0,
+                    at: Instant::now(),
                 };
-                let number = self.next_number();
-                let mut piece = SentPiece::new(request, number);
-                self.send(&mut piece, &mut signer)?;
+                self.send_piece(&mut piece, signer.as_mut())?;
                 sent.push_back(piece);
             }
             let patience = self.patience();
@@ -160,7 +161,7 @@ impl Conversation {
                 }
                 // One that overtook another, or that a slow line made late.
                 Some(reply) if matches!(reply.outcome, Outcome::Replayed | Outcome::Late) => {
-                    signer = self.signer()?;
+                    signer = self.piece_signer()?;
                 }
                 Some(reply) => return Err(self.refused(&reply)),
                 None => {}
@@ -170,7 +171,7 @@ impl Conversation {
             if piece.attempts == ATTEMPTS {
                 return Err(self.broken_off(arrived, all));
             }
-            self.send(&mut piece, &mut signer)?;
+            self.send_piece(&mut piece, signer.as_mut())?;
             sent.push_back(piece);
         }
         Ok(())
@@ -237,82 +238,30 @@ impl Conversation {
     }
 
     /// Sends a piece, signed if there is a key.
-    fn send(&mut self, piece: &mut SentPiece, signer: &mut Option<Signer>) -> Result<(), LineError> {
-        let SentPiece {
-            request,
-            asked,
-            number,
-            ..
-        } = piece;
-        let sealed = match signer {
-            Some(signer) => signer.sign(request, *asked, *number),
-            None => request.clone(),
-        };
-        let mut buffer = [0; MAX_REQUEST];
-        let bytes =
-            encode_request(*asked, *number, &sealed, &mut buffer).expect("MAX_REQUEST bytes always suffice");
-        self.write(bytes)?;
+    fn send_piece(&mut self, piece: &mut SentPiece, signer: Option<&mut Signer>) -> Result<(), LineError> {
+        self.send(piece.number, &piece.request, signer)?;
         piece.attempts += 1;
         piece.at = Instant::now();
         Ok(())
     }
 
     /// A signer of many requests, one after the other; `None` without a key.
-    fn signer(&mut self) -> Result<Option<Signer>, LineError> {
+    fn piece_signer(&mut self) -> Result<Option<Signer>, LineError> {
+        /// Time for which a signed piece holds.
+        const HOLDS: Duration = Duration::from_secs(600);
         let Some(key) = self.key() else { return Ok(None) };
-        let identity = self.image()?.identity;
-        let status = self.request_done(&Request::Status)?;
-        let (index, guard) = status.last("guard frame", |frame| match &frame.message {
-            Message::Guard(guard) => Some((frame.header.sample_index, *guard)),
-            _ => None,
-        })?;
-        Ok(Some(Signer {
-            key,
-            uid: identity.uid,
-            ticket: Ticket {
-                counter: guard.counter,
-                boot: identity.boot,
-                // Ten minutes: of a start that takes no samples, an hour old command is of another boot.
-                until: index.saturating_add(600 * u64::from(identity.sample_rate_hz)),
-            },
-        }))
+        self.forget_identity();
+        self.signer(&key, HOLDS).map(Some)
     }
 }
 
 /// A piece on its way.
 struct SentPiece {
     request: Request,
-    asked: u8,
     number: u16,
     attempts: u32,
     /// When it was sent last.
     at: Instant,
-}
-
-impl SentPiece {
-    fn new(request: Request, (asked, number): (u8, u16)) -> Self {
-        Self {
-            request,
-            asked,
-            number,
-            attempts: 0,
-            at: Instant::now(),
-        }
-    }
-}
-
-/// Signs requests, each with a counter of its own.
-struct Signer {
-    key: bead_wire::Key,
-    uid: [u8; 12],
-    ticket: Ticket,
-}
-
-impl Signer {
-    fn sign(&mut self, request: &Request, asked: u8, number: u16) -> Request {
-        self.ticket.counter = self.ticket.counter.saturating_add(1);
-        request.signed(&self.key, &self.uid, asked, number, self.ticket)
-    }
 }
 
 fn find<T>(answer: &Answer, wanted: impl Fn(&Message) -> Option<T>) -> Option<T> {

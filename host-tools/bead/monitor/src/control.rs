@@ -2,9 +2,10 @@
 
 use std::sync::mpsc::Sender;
 
+use bead_line::conversation::encoded;
 use bead_line::recorder::RecorderOrder;
 use bead_recording::file::Note;
-use bead_wire::{Key, MAX_REQUEST, Request, Ticket, encode_request};
+use bead_wire::{Key, Request, Ticket};
 
 use crate::model::Monitor;
 
@@ -42,32 +43,34 @@ impl Control {
     /// # Errors
     /// The bead is unknown, or not known well enough to sign the request, or the recording has ended.
     pub fn arm(&self, monitor: &mut Monitor, bead: u8, armed: bool) -> Result<(), String> {
-        let known = monitor
-            .requestable(bead)
-            .ok_or_else(|| format!("nothing came from bead {bead} yet"))?;
+        let known = monitor.bead(bead);
+        let known = known.ok_or_else(|| format!("nothing came from bead {bead} yet"))?;
+        let signed = match (&self.key, &known.identity, &known.guard) {
+            (None, ..) => None,
+            (Some(key), Some(identity), Some(guard)) => {
+                let ticket = Ticket {
+                    counter: guard.counter.saturating_add(1),
+                    boot: identity.boot,
+                    until: known.sample_index.saturating_add(HOLDS),
+                };
+                Some((key, identity.uid, ticket))
+            }
+            _ => {
+                return Err(format!(
+                    "bead {bead} has not sent identity and guard yet; try again in a second"
+                ));
+            }
+        };
         let (mut request, deed) = if armed {
             (Request::Arm, "arm")
         } else {
             (Request::Disarm, "disarm")
         };
         let number = monitor.ask(bead, deed);
-        if let Some(key) = &self.key {
-            let (Some(identity), Some(guard)) = (known.identity, known.guard) else {
-                return Err(format!(
-                    "bead {bead} has not sent identity and guard yet; try again in a second"
-                ));
-            };
-            let ticket = Ticket {
-                counter: guard.counter.saturating_add(1),
-                boot: identity.boot,
-                until: known.sample_index.saturating_add(HOLDS),
-            };
-            request = request.signed(key, &identity.uid, bead, number, ticket);
+        if let Some((key, uid, ticket)) = signed {
+            request = request.signed(key, &uid, bead, number, ticket);
         }
-        let mut buffer = [0; MAX_REQUEST];
-        let bytes = encode_request(bead, number, &request, &mut buffer)
-            .map_err(|_| "the request does not fit a frame".to_owned())?;
-        let bytes = bytes.to_vec();
+        let bytes = encoded(bead, number, &request);
         self.send(RecorderOrder::Send { bead, bytes })
     }
 

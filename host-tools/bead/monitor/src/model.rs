@@ -10,7 +10,7 @@ use bead_recording::assembly::{Assembly, Event};
 use bead_recording::clock::Live;
 use bead_recording::frames::{Frame, Item};
 use bead_tables::printable::one_line;
-use bead_wire::{Arrival, Counters, Guard, Health, Identity, Message, Outcome, Reply, Status};
+use bead_wire::{Arrival, Body, Counters, Guard, Health, Identity, Message, Outcome, Reply, Status};
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -89,28 +89,21 @@ pub struct MonitorView {
 }
 
 #[derive(Default)]
-struct BeadState {
+pub(crate) struct BeadState {
     source: usize,
     heard: Option<Instant>,
-    sample_index: u64,
+    pub(crate) sample_index: u64,
     frames: u64,
     lost: u64,
     restarts: u64,
     strikes: u64,
-    identity: Option<Identity>,
+    pub(crate) identity: Option<Identity>,
     status: Option<Status>,
     health: Option<Health>,
-    guard: Option<Guard>,
+    pub(crate) guard: Option<Guard>,
     last_fault: Option<String>,
     /// Positions of the last edges at its sync input, in samples.
     edges: VecDeque<f64>,
-}
-
-/// A bead as far as a request needs it.
-pub(crate) struct Requestable {
-    pub(crate) identity: Option<Identity>,
-    pub(crate) guard: Option<Guard>,
-    pub(crate) sample_index: u64,
 }
 
 /// The state of all beads.
@@ -237,7 +230,7 @@ impl Monitor {
         for event in self.assembly.push(frame) {
             match event {
                 Event::Restart(_) => self.tell(&format!("bead {address} restarted")),
-                Event::Whole(strike) | Event::Gap(strike) => {
+                Event::Strike(strike) => {
                     // A fetched copy of a strike that is here already only has more of its samples.
                     let is_new = strike.fetched.is_none_or(|copy| !copy.before.result);
                     if is_new && let Some(bead) = self.beads.get_mut(&address) {
@@ -278,13 +271,9 @@ impl Monitor {
         number
     }
 
-    /// Identity, guard and sample index of a bead, for a request to it; `None` if no frame of it came.
-    pub(crate) fn requestable(&self, bead: u8) -> Option<Requestable> {
-        self.beads.get(&bead).map(|bead| Requestable {
-            identity: bead.identity.clone(),
-            guard: bead.guard,
-            sample_index: bead.sample_index,
-        })
+    /// The last facts of a bead; `None` if no frame of it came.
+    pub(crate) fn bead(&self, address: u8) -> Option<&BeadState> {
+        self.beads.get(&address)
     }
 
     /// The strikes after the one with this serial number, the oldest first, and the number of those between
@@ -361,61 +350,39 @@ impl Monitor {
     }
 
     fn give_up_replies(&mut self) {
-        let late = |(_, _, since): &(u8, String, Instant)| since.elapsed() > PATIENCE;
-        let late: Vec<u16> = self
-            .asked
-            .iter()
-            .filter(|(_, asked)| late(asked))
-            .map(|(number, _)| *number)
-            .collect();
-        for number in late {
-            if let Some((bead, deed, _)) = self.asked.remove(&number) {
-                self.tell(&format!(
-                    "bead {bead} did not reply ({deed}): is its line wired both ways? Ask again"
-                ));
-            }
+        let is_late = |_: &u16, asked: &mut (u8, String, Instant)| asked.2.elapsed() > PATIENCE;
+        let late: Vec<_> = self.asked.extract_if(.., is_late).collect();
+        for (_, (bead, deed, _)) in late {
+            self.tell(&format!(
+                "bead {bead} did not reply ({deed}): is its line wired both ways? Ask again"
+            ));
         }
     }
 
     fn losses(&self, bead: &BeadState) -> Vec<Loss> {
-        let (status, health, guard) = (bead.status, bead.health, bead.guard);
-        let of_status = |count: fn(&Status) -> u32| status.as_ref().map_or(0, count).into();
-        let of_health = |count: fn(&Health) -> u32| health.as_ref().map_or(0, count).into();
-        let of_guard = |count: fn(&Guard) -> u32| guard.as_ref().map_or(0, count).into();
-        let known = [
-            ("frames lost on the way", bead.lost),
-            ("restarts", bead.restarts),
-            (
-                "frames dropped: queue full",
-                of_status(|status| status.frames_dropped_queue_full),
-            ),
-            (
-                "frames dropped: too long",
-                of_status(|status| status.frames_dropped_too_long),
-            ),
-            (
-                "frames lost by a reset",
-                of_health(|health| health.frames_lost_by_reset),
-            ),
-            ("converter overruns", of_status(|status| status.overruns)),
-            (
-                "blocks of samples lost",
-                of_status(|status| status.blocks_dropped),
-            ),
-            ("strikes cut", of_health(|health| health.strikes_cut)),
-            ("strikes passed over", of_guard(|guard| guard.strikes_passed_over)),
-            (
-                "strikes in dead time",
-                of_guard(|guard| guard.strikes_in_dead_time),
-            ),
+        // A frame that has not come counts nothing.
+        let status = bead.status.unwrap_or_else(|| Status::draw(&mut || 0));
+        let (health, guard) = (bead.health.unwrap_or_default(), bead.guard.unwrap_or_default());
+        let of_line = [("frames lost on the way", bead.lost), ("restarts", bead.restarts)];
+        let of_bead = [
+            ("frames dropped: queue full", status.frames_dropped_queue_full),
+            ("frames dropped: too long", status.frames_dropped_too_long),
+            ("frames lost by a reset", health.frames_lost_by_reset),
+            ("converter overruns", status.overruns),
+            ("blocks of samples lost", status.blocks_dropped),
+            ("strikes cut", health.strikes_cut),
+            ("strikes passed over", guard.strikes_passed_over),
+            ("strikes in dead time", guard.strikes_in_dead_time),
         ];
+        let of_bead = of_bead.map(|(cause, count)| (cause, count.into()));
+        let known = of_line.into_iter().chain(of_bead);
         let known = known.map(|(cause, count)| (cause.to_owned(), count));
         let rejects = self
             .rejects
             .iter()
             .filter(|((source, _), _)| *source == bead.source);
         let rejects = rejects.map(|((_, cause), count)| (cause.clone(), *count));
-        let all = known.into_iter().chain(rejects).filter(|(_, count)| *count > 0);
+        let all = known.chain(rejects).filter(|(_, count)| *count > 0);
         all.map(|(cause, count)| Loss { cause, count }).collect()
     }
 }

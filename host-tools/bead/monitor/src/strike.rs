@@ -131,14 +131,28 @@ impl ShownStrike {
         self.curves.get_or_init(curves).as_ref()
     }
 
-    /// A value and two standard uncertainties, as `829.7 ± 38.7`, with the digits that these have.
-    pub fn with_u(value: f64, u: Option<f64>) -> String {
-        match u.map(|u| 2.0 * u) {
-            Some(u) if u > 0.0 => {
-                let digits = (2 - u.log10().floor() as i32).clamp(0, 6) as usize;
-                format!("{value:.digits$} ± {u:.digits$}")
-            }
-            _ => format!("{value:.3}"),
+    /// Estimate A and two standard uncertainties, nJ, as `829.7 ± 38.7`, with the digits that these have.
+    pub fn measured(&self) -> String {
+        with_u(self.absorbed_measured_nj, self.absorbed_measured_u)
+    }
+
+    /// Estimate B and two standard uncertainties, nJ.
+    pub fn predicted(&self) -> String {
+        with_u(self.absorbed_predicted_nj, self.absorbed_predicted_u)
+    }
+
+    /// The highest force and two standard uncertainties, N.
+    pub fn peak(&self) -> String {
+        with_u(self.peak_force_n, self.peak_force_u)
+    }
+}
+
+fn with_u(value: f64, u: Option<f64>) -> String {
+    match u.map(|u| 2.0 * u) {
+        Some(u) if u > 0.0 => {
+            let digits = (2 - u.log10().floor() as i32).clamp(0, 6) as usize;
+            format!("{value:.digits$} ± {u:.digits$}")
         }
+        _ => format!("{value:.3}"),
     }
 }

@@ -75,11 +75,7 @@ fn strike(bead: &mut Speaker, number: u32) {
 fn a_strike_is_shown_with_the_numbers_of_its_frame_and_losses_stand_by_their_causes() {
     let (mut bench, mut bead) = (Bench::new(), known_bead());
     let status = Status {
-        armed: false,
-        overruns: 0,
-        blocks_dropped: 0,
         frames_dropped_queue_full: 4,
-        frames_dropped_too_long: 0,
         ..Status::draw(&mut || 0)
     };
     bead.say(0, status);

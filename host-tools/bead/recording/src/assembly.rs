@@ -47,10 +47,8 @@ const REMEMBERED: usize = 4096;
 pub enum Event {
     /// A bead restarted. The strikes of its boot before were handed on.
     Restart(Restart),
-    /// A strike of which every part is here.
-    Whole(Box<Assembled>),
-    /// A strike that lacks its shape or a part of its window, and cannot get it by late frames any more.
-    Gap(Box<Assembled>),
+    /// A strike that is whole, or cannot get what it lacks by late frames any more.
+    Strike(Box<Assembled>),
 }
 
 /// A strike, and how it came.
@@ -361,7 +359,7 @@ impl BeadFrames {
         let mut header = frame.header;
         header.boot = strike.boot;
         let boot = fetched.boot;
-        Some(Event::Whole(Box::new(Assembled {
+        Some(Event::Strike(Box::new(Assembled {
             header,
             strike: RecordedStrike {
                 uid: self.uid,
@@ -438,23 +436,17 @@ impl BeadFrames {
             .waveforms
             .iter()
             .for_each(|waveform| strike.place(waveform));
-        let is_whole = strike.missing() == 0 && strike.shape.is_some();
         let said = &strike.said;
         let entry = self.register.entry(self.boot, said.strike, said.first_index);
         if entry.is_handed_on {
             return None;
         }
-        entry.is_handed_on = is_whole;
-        let assembled = Box::new(Assembled {
+        entry.is_handed_on = strike.is_whole();
+        Some(Event::Strike(Box::new(Assembled {
             strike,
             header,
             fetched: None,
-        });
-        Some(if is_whole {
-            Event::Whole(assembled)
-        } else {
-            Event::Gap(assembled)
-        })
+        })))
     }
 
     /// The last settings before a frame. If those frames are all lost, the first settings after it, as
@@ -595,18 +587,14 @@ mod tests {
     fn assembled(events: Vec<Event>) -> Vec<Assembled> {
         let strikes = events.into_iter().filter_map(|event| match event {
             Event::Restart(_) => None,
-            Event::Whole(assembled) | Event::Gap(assembled) => Some(*assembled),
+            Event::Strike(assembled) => Some(*assembled),
         });
         strikes.collect()
     }
 
     fn short(events: Vec<Event>) -> Vec<Short> {
-        let strikes = events.into_iter().filter_map(|event| match event {
-            Event::Restart(_) => None,
-            Event::Whole(assembled) => Some((true, assembled.strike)),
-            Event::Gap(assembled) => Some((false, assembled.strike)),
-        });
-        let short = |(is_whole, strike): (bool, RecordedStrike)| (is_whole, strike.boot, strike.said.strike);
+        let strikes = assembled(events).into_iter().map(|assembled| assembled.strike);
+        let short = |strike: RecordedStrike| (strike.is_whole(), strike.boot, strike.said.strike);
         strikes.map(short).collect()
     }
 

@@ -6,7 +6,7 @@
 //! do the numbers of its fields: the header has 1 to 5, the body 16 and so on in the order of the wire, times
 //! 128 and so on, and what follows from several frames 256 and so on.
 
-use bead_wire::{Body, FieldDoc, Fields, Shape, Strike};
+use bead_wire::{FieldDoc, Fields, Kind, Message, Strike};
 use prost::Message as _;
 use prost::encoding as wire;
 use prost_types::field_descriptor_proto::{Label, Type};
@@ -81,22 +81,18 @@ fn header() -> Vec<FieldDescriptorProto> {
     ]
 }
 
-/// The schema of a body, called `name`.
-pub fn schema_of<T: Body>(name: &str) -> Schema {
+/// The schema of the frames of a kind, called `name`: of their body, and for a shape the uncertainties of the
+/// energies of its strike in J.
+pub fn schema_of(name: &str, kind: Kind) -> Schema {
     let mut fields = header();
-    let nested = describe(T::FIELDS, BODY, &mut fields);
+    let mut nested = describe(kind.fields(), BODY, &mut fields);
+    if kind == Kind::Shape {
+        let keys = (1..).zip(ENERGIES);
+        let group = keys.map(|(number, key)| field(number, key, Type::Double));
+        let group = (group.collect(), Vec::new());
+        add_group(UNCERTAINTIES, GROUP, group, &mut fields, &mut nested);
+    }
     schema(name, fields, nested)
-}
-
-/// The schema of shapes: of the body, and the uncertainties of the energies of its strike in J.
-pub fn shape_schema() -> Schema {
-    let mut fields = header();
-    let mut nested = describe(Shape::FIELDS, BODY, &mut fields);
-    let keys = (1..).zip(ENERGIES);
-    let group = keys.map(|(number, key)| field(number, key, Type::Double));
-    let group = (group.collect(), Vec::new());
-    add_group(UNCERTAINTIES, GROUP, group, &mut fields, &mut nested);
-    schema("Shape", fields, nested)
 }
 
 /// Number of an entry in a message whose fields begin at `first`; `None` for bits.
@@ -177,19 +173,14 @@ fn head(frame: &Frame) -> Vec<u8> {
     bytes
 }
 
-/// A frame whose body is `body`, as a message of [`schema_of`] that body.
-pub fn message(frame: &Frame, body: &dyn Fields) -> Vec<u8> {
+/// A frame as a message of the [`schema_of`] its kind. An uncertainty that is not known is NaN: without a
+/// value it would be read as 0.
+pub fn message(frame: &Frame) -> Vec<u8> {
     let mut bytes = head(frame);
-    fill(body, frame.sample_rate_hz, BODY, &mut bytes);
-    bytes
-}
-
-/// A shape as a message of [`shape_schema`]. An uncertainty that is not known is NaN: without a value it
-/// would be read as 0.
-pub fn shape(frame: &Frame, shape: &Shape) -> Vec<u8> {
-    let mut bytes = message(frame, shape);
-    let known = frame.strike.and_then(|strike| of_energies(shape, &strike));
-    if let Some(known) = known {
+    fill(&frame.message, frame.sample_rate_hz, BODY, &mut bytes);
+    if let Message::Shape(shape) = &frame.message
+        && let Some(known) = frame.strike.and_then(|strike| of_energies(shape, &strike))
+    {
         let mut group = Vec::new();
         for (number, u) in (1..).zip(known) {
             wire::double::encode(number, &u.unwrap_or(f64::NAN), &mut group);
@@ -270,13 +261,12 @@ pub fn waveform(frame: &Frame, strike: &Strike, sample_rate_hz: u32, signal: &Si
 #[cfg(test)]
 mod tests {
     use super::*;
-    use bead_wire::Arrival;
+    use bead_wire::{Arrival, Body, Shape};
 
     #[test]
     fn a_quantity_that_was_not_found_is_absent() {
-        let shape = |bits| Shape::draw(&mut || bits);
-        let frame = Frame::of(0, 0, Arrival::First, shape(0));
-        let length = |bits| message(&frame, &shape(bits)).len();
+        let frame = |bits| Frame::of(0, 0, Arrival::First, Shape::draw(&mut || bits));
+        let length = |bits| message(&frame(bits)).len();
         // Without a sample rate arrival and width are absent as well. Ringing and decay are a key of two
         // bytes and a double each.
         assert_eq!(length(2) - length(0), 2 * (2 + 8));

@@ -15,7 +15,7 @@ use bead_model::{Pair, Scan, Settings};
 use fixed::FixedI32;
 use fixed::types::extra::LeEqU32;
 
-use crate::strike::ScanCodes;
+use crate::strike::{RecordedStrike, ScanCodes};
 
 /// The signals of a window, a value for each of its scans.
 #[derive(Clone, Debug, PartialEq)]
@@ -39,6 +39,13 @@ impl Signal {
                 SensedAcceleration::ZERO,
             )?,
         })
+    }
+}
+
+impl RecordedStrike {
+    /// Its signals, up to the first gap. `None` without settings or a complete baseline.
+    pub fn signal(&self) -> Option<Signal> {
+        Signal::of(&self.scans, self.settings.as_ref()?)
     }
 }
 
@@ -111,7 +118,7 @@ fn values<F: LeEqU32, V: LeEqU32>(sensor: &Sensor<F>, codes: &[Pair], zero: Fixe
 #[cfg(test)]
 mod tests {
     use super::*;
-    use bead_model::{Window, WindowRecord};
+    use bead_model::{Shape, Strike, Window, WindowRecord};
     use bead_testing::paper_settings;
 
     /// A pulse of `peak` newtons behind the reference front end, and an intruder that rings.
@@ -138,18 +145,23 @@ mod tests {
         (0..672).map(scan).collect()
     }
 
+    /// The bead's own report of these scans.
+    fn reported(scans: &[ScanCodes], settings: &Settings) -> (Strike, Shape) {
+        let (mut window, mut record) = (Window::open(0, 0), WindowRecord::new());
+        record.clear();
+        for scan in scans {
+            window.process(settings, &[scan.scan()], &mut record);
+        }
+        window.report(settings, &record)
+    }
+
     #[test]
     fn the_signals_have_the_bits_that_the_bead_reports_peaks_and_momentum_of() {
         let settings = paper_settings();
         for peak in [6.0, 100.0] {
             let scans = scans(peak);
             let signal = Signal::of(&scans, &settings).unwrap();
-            let (mut window, mut record) = (Window::open(0, 0), WindowRecord::new());
-            record.clear();
-            for scan in &scans {
-                window.process(&settings, &[scan.scan()], &mut record);
-            }
-            let (report, shape) = window.report(&settings, &record);
+            let (report, shape) = reported(&scans, &settings);
             let peak_force = report.peak_force.newtons();
             assert_eq!(signal.force[report.peak_index as usize], peak_force);
             assert!((peak_force / peak - 1.0).abs() < 0.02, "{peak_force}");
@@ -169,19 +181,9 @@ mod tests {
         let settings = paper_settings();
         let scans = scans(6.0);
         let signal = Signal::of(&scans, &settings).unwrap();
-        let (mut window, mut record) = (Window::open(0, 0), WindowRecord::new());
-        record.clear();
-        for scan in &scans {
-            window.process(&settings, &[scan.scan()], &mut record);
-        }
         // This ring is none that the force explains, so that most of it is left.
-        let said = window
-            .report(&settings, &record)
-            .1
-            .waveform
-            .unwrap()
-            .residual
-            .ratio();
+        let (_, shape) = reported(&scans, &settings);
+        let said = shape.waveform.unwrap().residual.ratio();
         let rms = |values: &[f64]| values.iter().map(|value| value * value).sum::<f64>().sqrt();
         let residual = signal.residual(&settings);
         let begin = usize::from(settings.window.noise_end());

@@ -111,6 +111,11 @@ impl RecordedStrike {
         usize::from(self.said.samples).saturating_sub(self.received())
     }
 
+    /// True if every sample of the window and the shape were received.
+    pub fn is_whole(&self) -> bool {
+        self.missing() == 0 && self.shape.is_some()
+    }
+
     /// The samples of the window up to the last that was received; `None` in a gap.
     pub fn samples(&self) -> impl Iterator<Item = Option<&ScanCodes>> {
         let mut end = self.scans.len();

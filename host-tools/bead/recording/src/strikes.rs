@@ -116,13 +116,13 @@ impl<I: Iterator<Item = Frame>> Strikes<I> {
     }
 
     fn strike(&self, event: Event) -> Option<RecordedStrike> {
-        let mut strike = match event {
-            Event::Restart(_) => return None,
-            Event::Whole(assembled) => assembled.strike,
-            Event::Gap(assembled) => {
-                Some(assembled.strike).filter(|strike| !self.fetched.contains(&name(strike)))?
-            }
+        let Event::Strike(assembled) = event else {
+            return None;
         };
+        let mut strike = assembled.strike;
+        if !strike.is_whole() && self.fetched.contains(&name(&strike)) {
+            return None;
+        }
         let given = self.given.get(&Some(strike.address)).or(self.given.get(&None));
         strike.settings = strike.settings.or(given.copied());
         Some(strike)

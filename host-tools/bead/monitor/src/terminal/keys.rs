@@ -22,25 +22,18 @@ pub(super) struct Keys {
     pub(super) typed: Option<String>,
 }
 
-/// Consequence of a key.
-#[derive(Debug, PartialEq, Eq)]
-pub(super) enum Next {
-    Stay,
-    Quit,
-}
-
 impl Keys {
-    /// Does what a key is for, with the bead that is chosen.
+    /// Does what a key is for, with the bead that is chosen. True if it ends the page.
     pub(super) fn press(
         &mut self,
         key: KeyEvent,
         bead: Option<u8>,
         monitor: &SharedMonitor,
         control: Option<&Control>,
-    ) -> Next {
+    ) -> bool {
         let with_control = key.modifiers.contains(KeyModifiers::CONTROL);
         if with_control && matches!(key.code, KeyCode::Char('c' | 'd')) {
-            return Next::Quit;
+            return true;
         }
         if let Some(typed) = &mut self.typed {
             match key.code {
@@ -56,10 +49,10 @@ impl Keys {
                 KeyCode::Char(letter) if !with_control && typed.len() < TYPED_MOST => typed.push(letter),
                 _ => {}
             }
-            return Next::Stay;
+            return false;
         }
         match key.code {
-            KeyCode::Char('q') => return Next::Quit,
+            KeyCode::Char('q') => return true,
             KeyCode::Right | KeyCode::Tab => (self.bead, self.back) = (self.bead.saturating_add(1), 0),
             KeyCode::Left | KeyCode::BackTab => (self.bead, self.back) = (self.bead.saturating_sub(1), 0),
             KeyCode::Up => self.back = self.back.saturating_sub(1),
@@ -77,6 +70,6 @@ impl Keys {
             }
             _ => {}
         }
-        Next::Stay
+        false
     }
 }

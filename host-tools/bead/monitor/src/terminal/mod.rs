@@ -18,7 +18,7 @@ use ratatui::crossterm::event::{self, Event, KeyEventKind};
 
 use crate::control::Control;
 use crate::model::SharedMonitor;
-use keys::{Keys, Next};
+use keys::Keys;
 
 /// Time between two pictures.
 const PICTURE_EVERY: Duration = Duration::from_millis(100);
@@ -72,7 +72,7 @@ fn show(
         }
         if let Event::Key(key) = event::read()?
             && key.kind != KeyEventKind::Release
-            && let Next::Quit = keys.press(key, content.bead(), monitor, control)
+            && keys.press(key, content.bead(), monitor, control)
         {
             return Ok(());
         }

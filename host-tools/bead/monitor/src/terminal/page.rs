@@ -130,10 +130,8 @@ fn draw_small(frame: &mut Frame<'_>, content: &Content, keys: &Keys, look: Look)
     if let Some(bead) = content.chosen_bead() {
         lines.push(Line::from(format!("bead {}, {}", bead.bead, state(bead))));
         if let Some(strike) = content.strikes.get(keys.back) {
-            let a = ShownStrike::with_u(strike.absorbed_measured_nj, strike.absorbed_measured_u);
-            let b = ShownStrike::with_u(strike.absorbed_predicted_nj, strike.absorbed_predicted_u);
-            lines.push(Line::from(format!("A {a} nJ")));
-            lines.push(Line::from(format!("B {b} nJ")));
+            lines.push(Line::from(format!("A {} nJ", strike.measured())));
+            lines.push(Line::from(format!("B {} nJ", strike.predicted())));
             lines.push(Line::from(format!("{:.3} N", strike.peak_force_n)));
             lines.push(Line::from(format!("strike {}", strike.strike)));
             lines.extend(
@@ -235,29 +233,20 @@ fn strike_lines(content: &Content, shown: Option<&Arc<ShownStrike>>, look: Look)
         Span::styled(strike.flags.join(", "), look.warning())
     };
     let title = format!("strike {} of bead {}{at}{fetched}: ", strike.strike, strike.bead);
-    let energy = |name: &str, value, u| format!("{name} {} nJ   ", ShownStrike::with_u(value, u));
     let residual = strike
         .residual
         .map_or(String::new(), |part| format!("residual {:.2} %", 100.0 * part));
     let [low, high] = strike.acceleration;
     vec![
         Line::from(vec![Span::styled(title, look.head()), flags]),
-        Line::from(vec![
-            Span::raw(energy(
-                "A",
-                strike.absorbed_measured_nj,
-                strike.absorbed_measured_u,
-            )),
-            Span::raw(energy(
-                "B",
-                strike.absorbed_predicted_nj,
-                strike.absorbed_predicted_u,
-            )),
-            Span::raw(residual),
-        ]),
+        Line::from(format!(
+            "A {} nJ   B {} nJ   {residual}",
+            strike.measured(),
+            strike.predicted()
+        )),
         Line::from(format!(
             "peak {} N   {low:+.1} to {high:+.1} m/s²   {} samples missing",
-            ShownStrike::with_u(strike.peak_force_n, strike.peak_force_u),
+            strike.peak(),
             strike.missing
         )),
     ]
@@ -328,8 +317,8 @@ fn history_lines(content: &Content, back: usize, height: u16, look: Look) -> Vec
             "{:>6} {at:>11} {:>9.4} {:>19} {:>19}  {}",
             strike.strike,
             strike.peak_force_n,
-            ShownStrike::with_u(strike.absorbed_measured_nj, strike.absorbed_measured_u),
-            ShownStrike::with_u(strike.absorbed_predicted_nj, strike.absorbed_predicted_u),
+            strike.measured(),
+            strike.predicted(),
             strike.flags.join(", ")
         );
         Line::styled(
@@ -437,8 +426,7 @@ mod tests {
     #[test]
     fn a_window_of_80_by_24_has_all_and_one_of_20_columns_has_the_numbers() {
         let mut monitor = struck();
-        let strike = monitor.strikes_of(7).remove(0);
-        let a = ShownStrike::with_u(strike.absorbed_measured_nj, strike.absorbed_measured_u);
+        let a = monitor.strikes_of(7)[0].measured();
         for has_colours in [false, true] {
             let whole = drawn(&mut monitor, (80, 24), &mut Keys::default(), has_colours);
             for part in [

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use crate::clock::fit::Fit;
-use crate::clock::segments::{Edge, Segment};
+use crate::clock::segments::Segment;
 
 /// Two edges that are farther apart in host time are not the same, s.
 const SAME_EDGE: f64 = 0.25;
@@ -93,7 +93,7 @@ pub(super) struct PlacedEdges {
 impl PlacedEdges {
     /// `fit` is the segment's. None without a sample rate.
     pub(super) fn of(segment: &Segment, fit: &Fit) -> Option<Self> {
-        let time = |edge: &Edge| segment.seconds(edge.position).map(|at| (at, fit.host_ns(at)));
+        let time = |edge: &f64| segment.seconds(*edge).map(|at| (at, fit.host_ns(at)));
         let mut edges: Vec<(f64, i64)> = segment.edges.iter().map(time).collect::<Option<_>>()?;
         edges.sort_by_key(|(_, host)| *host);
         let gaps = edges

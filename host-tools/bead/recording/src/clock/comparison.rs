@@ -11,7 +11,6 @@ use crate::clock::fit::Fit;
 use crate::clock::segments::{Boots, Segment, StrikePeak, Tracker};
 use crate::file::{Recording, RecordingError};
 use crate::json::hex;
-use crate::signal::Signal;
 use crate::strikes::RecordedStrike;
 
 /// Result of `bead clock`: each recording against the host, and against the first.
@@ -263,8 +262,7 @@ fn find_fronts(segments: &mut [Segment], strikes: impl Iterator<Item = RecordedS
         };
         let found = numbers.get(&(boot, strike.said.strike));
         let found = found.and_then(|at| segments[boot].struck.get_mut(*at));
-        let whole = strike.settings.filter(|_| strike.missing() == 0);
-        let signal = whole.and_then(|settings| Signal::of(&strike.scans, &settings));
+        let signal = strike.signal().filter(|_| strike.missing() == 0);
         if let Some(struck) = found {
             let rise = signal.as_ref().and_then(rise);
             struck.rise = rise.map(|rise| strike.said.first_index as f64 + rise);
@@ -346,50 +344,43 @@ mod tests {
         }
     }
 
+    /// A boot of bead 7 that began at this time of the host, s.
+    fn fitted(recording: &str, began: f64, uid: Option<[u8; 12]>) -> Vec<Fitted> {
+        let place = RecordedBoot {
+            recording: recording.into(),
+            address: 7,
+            boot: 0,
+        };
+        let segment = Segment {
+            uid,
+            ..Segment::default()
+        };
+        let fit = Fit::below(0, &[(0.0, began), (1.0, began + 1.0)]).unwrap();
+        vec![(place, fit, segment)]
+    }
+
     #[test]
     fn a_boot_that_two_recordings_have_is_told_and_another_of_its_bead_is_not() {
-        let fitted = |recording: &str, began: f64| {
-            let place = RecordedBoot {
-                recording: recording.into(),
-                address: 7,
-                boot: 0,
-            };
-            let fit = Fit::below(0, &[(0.0, began), (1.0, began + 1.0)]).expect("two points make a line");
-            vec![(place, fit, Segment::default())]
-        };
-        let row = [fitted("a.mcap", 1.0), fitted("a.mcap", 2.0)];
-        let why = recorded_twice(&row, &[fitted("b.mcap", 3.0), fitted("b.mcap", 2.0)]);
-        assert!(
-            why.unwrap()
-                .starts_with("a.mcap and b.mcap are of the same run of bead 7")
-        );
-        assert_eq!(recorded_twice(&row, &[fitted("b.mcap", 3.0)]), None);
+        let of = |recording, began: [f64; 2]| began.map(|began| fitted(recording, began, None));
+        let row = of("a.mcap", [1.0, 2.0]);
+        let why = recorded_twice(&row, &of("b.mcap", [3.0, 2.0])).unwrap();
+        let wanted = "a.mcap and b.mcap are of the same run of bead 7";
+        assert!(why.starts_with(wanted), "{why}");
+        assert_eq!(recorded_twice(&row, &of("b.mcap", [3.0, 4.0])), None);
     }
 
     #[test]
     fn beads_without_edges_in_common_are_told_from_one_bead_that_was_recorded_twice() {
-        let place = |recording: &str| RecordedBoot {
-            recording: recording.into(),
-            address: 0,
-            boot: 0,
-        };
-        let of = |uid| Segment {
-            uid,
-            ..Segment::default()
-        };
         let told = |own, other| {
-            let fit = Fit::below(0, &[(0.0, 0.0), (1.0, 1.0)]).expect("two points make a line");
-            let recording = [vec![(place("b.mcap"), fit, of(other))]];
-            nothing_in_common(&of(own), &place("a.mcap"), &recording)
+            let (place, _, segment) = fitted("a.mcap", 0.0, own).remove(0);
+            nothing_in_common(&segment, &place, &[fitted("b.mcap", 0.0, other)])
         };
         let (one, two) = (Some([1; 12]), Some([2; 12]));
         assert!(told(one, one).starts_with("a.mcap and b.mcap are both of the bead with UID 010101"));
         for (own, other) in [(one, two), (None, one), (one, None), (None, None)] {
             let why = told(own, other);
-            assert!(
-                why.contains("fewer than two sync edges"),
-                "{own:?} {other:?}: {why}"
-            );
+            let wanted = "fewer than two sync edges";
+            assert!(why.contains(wanted), "{own:?} {other:?}: {why}");
         }
     }
 }

@@ -36,7 +36,7 @@ pub use alignment::Alignment;
 pub use common::CommonTime;
 pub use comparison::{AlignmentReport, ClockComparison, ClockReport, RecordedBoot, StrikeArrival, compare};
 pub use fit::{CRYSTAL_PPM, Fit};
-pub use segments::{Boots, Edge, Live, Segment, Segments, StrikePeak, Tracker};
+pub use segments::{Boots, Live, Segment, Segments, StrikePeak, Tracker};
 
 /// Greatest error of a bead's clock, as a part: that of the quartz (docs/hardware.md).
 pub const QUARTZ: f64 = 20e-6;

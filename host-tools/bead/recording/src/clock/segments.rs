@@ -24,15 +24,6 @@ pub(super) struct ClockPoint {
     pub(super) host_ns: f64,
 }
 
-/// An edge on the sync input, by the bead.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Edge {
-    /// Its number since the reset.
-    pub number: u32,
-    /// Its place, in samples since the reset.
-    pub position: f64,
-}
-
 /// The time of a strike, by its bead.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StrikePeak {
@@ -57,8 +48,8 @@ pub struct Segment {
     pub sample_rate_hz: Option<u32>,
     /// Frames with a receive time.
     pub frames: u64,
-    /// Its edges on the sync input.
-    pub edges: Vec<Edge>,
+    /// Its edges on the sync input, in samples since the reset.
+    pub edges: Vec<f64>,
     /// Number of edges that the bead missed because they came too close.
     pub missed: u32,
     /// The strikes whose arrival the bead reported.
@@ -206,8 +197,7 @@ impl Segment {
                 // This is nearer to when the frame was made than the header's index, which moves by blocks.
                 position = sync.position();
                 self.missed = self.missed.max(sync.missed);
-                let number = sync.edge;
-                self.edges.push(Edge { number, position });
+                self.edges.push(position);
             }
             Message::Shape(shape) => self.struck.push(StrikePeak {
                 strike: shape.strike,

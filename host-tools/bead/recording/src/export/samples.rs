@@ -39,9 +39,7 @@ pub fn rows<'a>(
     recording: &Arc<str>,
     strike: &'a RecordedStrike,
 ) -> impl Iterator<Item = Vec<Cell>> + 'a {
-    let signal = strike
-        .settings
-        .and_then(|settings| Signal::of(&strike.scans, &settings));
+    let signal = strike.signal();
     let rate = strike.rate().map(f64::from);
     let (recording, said) = (Arc::clone(recording), &strike.said);
     (0u64..).zip(strike.samples()).map(move |(sample, scan)| {

@@ -164,7 +164,7 @@ mod tests {
     #[test]
     fn an_uncertainty_stands_beside_its_value_in_the_same_unit() {
         let percent = |percent: i32| Fraction::from_bits(percent * 65_536 / 100);
-        let [one, two, three] = [1, 2, 3].map(percent);
+        let parts = [1, 2, 3].map(percent);
         let said = Strike {
             peak_force: Force::from_bits(6 << 16),
             absorbed_measured: Energy::from_bits(400 << 24),
@@ -173,11 +173,12 @@ mod tests {
             ..Strike::draw(&mut || 0)
         };
         let mut strike = RecordedStrike::new(0, said);
+        let [measured, predicted, difference] = parts;
         strike.shape = Some(Shape {
             uncertainty: Some(EnergyUncertainty {
-                measured: one,
-                predicted: two,
-                difference: three,
+                measured,
+                predicted,
+                difference,
             }),
             ..Shape::draw(&mut || 0)
         });
@@ -198,20 +199,13 @@ mod tests {
         let row = row(0, "x", &strike);
         // Of the force four times 1 %. Of the incident energy 5/3 of that, and 2/3 of 10 %.
         let incident = 1e-6 * f64::hypot(10.0 / 3.0, 20.0 / 3.0) / 100.0;
-        let peak = said.peak_force.newtons();
+        let peak = 0.02 * said.peak_force.newtons();
+        let [one, two, three] = parts.map(Fraction::ratio);
         for (beside, name, u) in [
-            ("peak_force_raw", "u_peak_force_n", 0.02 * peak),
-            (
-                "absorbed_measured_raw",
-                "u_absorbed_measured_j",
-                400e-9 * one.ratio(),
-            ),
-            (
-                "absorbed_predicted_raw",
-                "u_absorbed_predicted_j",
-                500e-9 * two.ratio(),
-            ),
-            ("u_absorbed_predicted_j", "u_difference_j", 500e-9 * three.ratio()),
+            ("peak_force_raw", "u_peak_force_n", peak),
+            ("absorbed_measured_raw", "u_absorbed_measured_j", 400e-9 * one),
+            ("absorbed_predicted_raw", "u_absorbed_predicted_j", 500e-9 * two),
+            ("u_absorbed_predicted_j", "u_difference_j", 500e-9 * three),
             ("incident_energy_raw", "u_incident_energy_j", incident),
         ] {
             let at = names.iter().position(|one| one == beside).unwrap() + 1;

@@ -9,7 +9,6 @@
 
 use std::io::{self, Write};
 
-use crate::signal::Signal;
 use crate::strikes::RecordedStrike;
 
 const YEAR_2000_NS: i64 = 946_684_800_000_000_000;
@@ -33,10 +32,7 @@ pub fn begin(out: &mut impl Write) -> io::Result<()> {
 /// # Errors
 /// It cannot be written.
 pub fn strike(out: &mut impl Write, recording: &str, strike: &RecordedStrike) -> io::Result<bool> {
-    let signal = strike
-        .settings
-        .and_then(|settings| Signal::of(&strike.scans, &settings));
-    let (Some(signal), Some(rate)) = (signal, strike.rate()) else {
+    let (Some(signal), Some(rate)) = (strike.signal(), strike.rate()) else {
         return Ok(false);
     };
     let axes = [

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use crate::file::layout::known;
 use crate::file::notes::Note;
 
 /// The description of a recording.
@@ -23,10 +24,11 @@ pub struct About {
 impl About {
     pub(super) fn to_map(&self) -> BTreeMap<String, String> {
         let mut map = self.notes.clone();
-        map.insert("source".into(), self.source.clone());
-        map.insert("sample_rate_hz".into(), self.sample_rate_hz.to_string());
-        let firmware = self.firmware.clone();
-        map.extend(firmware.map(|firmware| ("firmware".into(), firmware)));
+        map.extend(known([
+            ("source", Some(self.source.clone())),
+            ("sample_rate_hz", Some(self.sample_rate_hz.to_string())),
+            ("firmware", self.firmware.clone()),
+        ]));
         map
     }
 
@@ -41,9 +43,7 @@ impl About {
             remarks: Vec::new(),
         }
     }
-}
 
-impl About {
     /// The notes that count: the last of each key, without those that were withdrawn.
     pub fn last_remarks(&self) -> BTreeMap<&str, &Note> {
         let all = self.remarks.iter().map(|note| (note.key.as_str(), note));
@@ -68,15 +68,12 @@ pub struct RecordingOrigin {
 
 impl RecordingOrigin {
     pub(super) fn to_map(&self) -> BTreeMap<String, String> {
-        let mut map = BTreeMap::from([("address".to_owned(), self.address.to_string())]);
-        let known = [
+        known([
+            ("address", Some(self.address.to_string())),
             ("bead", self.bead.map(|bead| bead.to_string())),
             ("port", self.port.clone()),
             ("clock", self.clock.clone()),
-        ];
-        let known = known.into_iter();
-        map.extend(known.filter_map(|(name, value)| Some((name.to_owned(), value?))));
-        map
+        ])
     }
 
     pub(super) fn from_map(address: u8, mut map: BTreeMap<String, String>) -> Self {

@@ -8,25 +8,26 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-use bead_wire::{Arrival, Fault, Fields, Health, Message, Status, Strike, VERSION};
+use bead_wire::{Arrival, Kind, Message, VERSION};
 use mcap::McapResult;
 
 use crate::assembly::{Assembled, Assembly, Event, StrikeParts};
 use crate::file::layout::{Mcap, name_of};
 use crate::frames::Frame;
-use crate::protobuf::{self, Schema, schema_of};
+use crate::protobuf::{self, Schema};
 use crate::signal::Signal;
 use crate::strike::RecordedStrike;
 
-type Topic = (&'static str, fn() -> Schema);
+/// Name of a channel, name of its messages, and the kind of frame that each is of; `None` for windows.
+type Topic = (&'static str, &'static str, Option<Kind>);
 
 const TOPICS: [Topic; 6] = [
-    ("strikes", || schema_of::<Strike>("Strike")),
-    ("shapes", protobuf::shape_schema),
-    ("waveforms", protobuf::waveform_schema),
-    ("status", || schema_of::<Status>("Status")),
-    ("health", || schema_of::<Health>("Health")),
-    ("faults", || schema_of::<Fault>("Fault")),
+    ("strikes", "Strike", Some(Kind::Strike)),
+    ("shapes", "Shape", Some(Kind::Shape)),
+    ("waveforms", "Waveform", None),
+    ("status", "Status", Some(Kind::Status)),
+    ("health", "Health", Some(Kind::Health)),
+    ("faults", "Fault", Some(Kind::Fault)),
 ];
 
 /// A message to be written: its channel and its Protobuf.
@@ -66,17 +67,10 @@ impl ReadableChannels {
             return Vec::new();
         }
         let events = self.assembly.push(frame);
-        let message = |topic, body: &dyn Fields| (topic, protobuf::message(frame, body));
-        let own = match &frame.message {
-            Message::Strike(strike) => Some(message("strikes", strike)),
-            Message::Shape(shape) => Some(("shapes", protobuf::shape(frame, shape))),
-            Message::Status(status) => Some(message("status", status)),
-            Message::Health(health) => Some(message("health", health)),
-            Message::Fault(fault) => Some(message("faults", fault)),
-            _ => None,
-        };
-        let assembled = events.iter().flat_map(messages);
-        self.addressed(own.into_iter().chain(assembled))
+        let kind = Some(frame.message.kind());
+        let own = TOPICS.iter().filter(|(.., of)| *of == kind);
+        let own = own.map(|(topic, ..)| (*topic, protobuf::message(frame)));
+        self.addressed(own.chain(events.iter().flat_map(messages)))
     }
 
     /// The messages of the strikes that wait, for no more frames come.
@@ -93,7 +87,7 @@ impl ReadableChannels {
 
 /// The window of a strike, and the other parts of a fetched one that were not written before.
 fn messages(event: &Event) -> Vec<NamedMessage> {
-    let (Event::Whole(assembled) | Event::Gap(assembled)) = event else {
+    let Event::Strike(assembled) = event else {
         return Vec::new();
     };
     let Assembled {
@@ -101,27 +95,28 @@ fn messages(event: &Event) -> Vec<NamedMessage> {
         header,
         fetched,
     } = &**assembled;
-    let frame = Frame {
+    let frame = |message: Message| Frame {
         version: VERSION,
         header: *header,
         arrival: Arrival::Late,
         sample_rate_hz: strike.sample_rate_hz,
         received_ns: strike.received_ns,
         strike: Some(strike.said),
-        message: strike.said.into(),
+        message,
     };
+    let said = frame(strike.said.into());
     let missing = |is_there: fn(StrikeParts) -> bool| fetched.is_some_and(|copy| !is_there(copy.before));
     let mut messages = Vec::new();
     if missing(|before| before.result) {
-        messages.push(("strikes", protobuf::message(&frame, &strike.said)));
+        messages.push(("strikes", protobuf::message(&said)));
     }
     if fetched.is_none_or(|copy| !copy.before.window) {
-        messages.extend(waveform(&frame, strike).map(|data| ("waveforms", data)));
+        messages.extend(waveform(&said, strike).map(|data| ("waveforms", data)));
     }
-    if let Some(shape) = &strike.shape
+    if let Some(shape) = strike.shape
         && missing(|before| before.shape)
     {
-        messages.push(("shapes", protobuf::shape(&frame, shape)));
+        messages.push(("shapes", protobuf::message(&frame(shape.into()))));
     }
     messages
 }
@@ -140,8 +135,9 @@ fn waveform(frame: &Frame, strike: &RecordedStrike) -> Option<Vec<u8>> {
 
 /// Adds a channel for each topic to a file, and gives their numbers.
 fn ids(mcap: &mut Mcap, bead: Option<u8>) -> McapResult<HashMap<&'static str, u16>> {
-    let add = |(topic, schema): Topic| {
-        let Schema { name, descriptors } = schema();
+    let add = |(topic, message, kind): Topic| {
+        let schema = kind.map(|kind| protobuf::schema_of(message, kind));
+        let Schema { name, descriptors } = schema.unwrap_or_else(protobuf::waveform_schema);
         let schema = mcap.add_schema(&name, "protobuf", &descriptors)?;
         let name = name_of(bead, topic);
         let id = mcap.add_channel(schema, &name, "protobuf", &BTreeMap::new())?;

@@ -1,6 +1,7 @@
 //! The layout of a recording in MCAP: names of channels and records, and sizes.
 
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::BufWriter;
 use std::time::Duration;
@@ -36,6 +37,13 @@ pub(super) fn name_of(bead: Option<u8>, name: &str) -> Cow<'_, str> {
         Some(address) => format!("{BEAD}{address}/{name}").into(),
         None => name.into(),
     }
+}
+
+/// The entries of a metadata record whose values are known.
+pub(super) fn known<const N: usize>(entries: [(&str, Option<String>); N]) -> BTreeMap<String, String> {
+    let known = entries.into_iter();
+    let known = known.filter_map(|(name, value)| Some((name.to_owned(), value?)));
+    known.collect()
 }
 
 /// The address of the bead whose channel or attachment this is, and the name without it.

@@ -9,6 +9,9 @@ use std::collections::BTreeMap;
 
 use bead_tables::printable::{beginning, one_line};
 use chrono::{DateTime, SecondsFormat, Utc};
+use mcap::records::Metadata;
+
+use crate::file::layout::{NOTE, known};
 
 /// Greatest number of notes of a recording.
 pub const NOTES_MOST: usize = 1000;
@@ -84,17 +87,16 @@ impl Note {
         self.written.map(text)
     }
 
-    pub(super) fn to_map(&self) -> BTreeMap<String, String> {
-        let known = [
-            ("key", Some(self.key.clone())),
-            ("value", Some(self.value.clone())),
-            ("author", self.author.clone()),
-            ("written", self.written_text()),
-        ];
-        let known = known.into_iter();
-        known
-            .filter_map(|(name, value)| Some((name.to_owned(), value?)))
-            .collect()
+    pub(super) fn to_record(&self) -> Metadata {
+        Metadata {
+            name: NOTE.into(),
+            metadata: known([
+                ("key", Some(self.key.clone())),
+                ("value", Some(self.value.clone())),
+                ("author", self.author.clone()),
+                ("written", self.written_text()),
+            ]),
+        }
     }
 
     /// The note in a metadata record, `None` for one without a key. Another program may have written it, so

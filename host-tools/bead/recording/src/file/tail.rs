@@ -9,7 +9,7 @@ use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 
 use mcap::MAGIC;
-use mcap::records::op;
+use mcap::records::{Metadata, Record, op};
 
 use crate::file::layout::{NOTE, RECORD_MOST};
 use crate::file::notes::Note;
@@ -60,22 +60,20 @@ impl Tail {
             }
             Ok((opcode, data))
         };
-        let (opcode, footer) = at(footer_at)?;
-        let number = |data: &[u8], place: usize| {
-            let bytes = data.get(place..).and_then(|rest| rest.first_chunk());
-            bytes.map(|bytes| u64::from_le_bytes(*bytes))
+        let (opcode, data) = at(footer_at)?;
+        let Ok(Record::Footer(footer)) = mcap::parse_record(opcode, &data) else {
+            return Err("its footer is missing".to_owned());
         };
-        let places = number(&footer, 0).zip(number(&footer, 8));
-        let (summary, offsets) = places
-            .filter(|_| opcode == op::FOOTER)
-            .ok_or("its footer is missing")?;
-        let index_at = if summary == 0 { footer_at } else { summary };
+        let index_at = match footer.summary_start {
+            0 => footer_at,
+            place => place,
+        };
         let data_end = index_at.checked_sub(DATA_END).ok_or("its index is misplaced")?;
-        let (opcode, crc) = at(data_end)?;
-        let crc = crc
-            .first_chunk()
-            .filter(|_| opcode == op::DATA_END && crc.len() == 4);
-        let data_crc = u32::from_le_bytes(*crc.ok_or("the end of its data is misplaced")?);
+        let (opcode, data) = at(data_end)?;
+        let end = mcap::parse_record(opcode, &data);
+        let Some(Record::DataEnd(end)) = end.ok().filter(|_| HEAD + data.len() as u64 == DATA_END) else {
+            return Err("the end of its data is misplaced".to_owned());
+        };
         let (mut index, mut place) = (Vec::new(), index_at);
         while place < footer_at {
             let (opcode, data) = at(place)?;
@@ -86,9 +84,9 @@ impl Tail {
         }
         Ok(Self {
             data_end,
-            data_crc,
+            data_crc: end.data_section_crc,
             index,
-            has_offsets: offsets != 0,
+            has_offsets: footer.summary_offset_start != 0,
         })
     }
 
@@ -96,7 +94,7 @@ impl Tail {
     pub(super) fn with(mut self, notes: &[Note]) -> Vec<u8> {
         let (mut added, mut entries) = (Vec::new(), Vec::new());
         for note in notes {
-            let data = metadata(NOTE, note);
+            let data = metadata(note.to_record());
             let place = self.data_end + added.len() as u64;
             record(&mut added, op::METADATA, &data);
             let mut entry = place.to_le_bytes().to_vec();
@@ -181,13 +179,13 @@ fn text(bytes: &mut Vec<u8>, text: &str) {
 }
 
 /// The data of a metadata record: its name, and a map with its length in bytes.
-fn metadata(name: &str, note: &Note) -> Vec<u8> {
+fn metadata(Metadata { name, metadata }: Metadata) -> Vec<u8> {
     let (mut data, mut map) = (Vec::new(), Vec::new());
-    for (key, value) in &note.to_map() {
+    for (key, value) in &metadata {
         text(&mut map, key);
         text(&mut map, value);
     }
-    text(&mut data, name);
+    text(&mut data, &name);
     data.extend((map.len() as u32).to_le_bytes());
     data.extend(map);
     data

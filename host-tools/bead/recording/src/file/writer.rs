@@ -12,7 +12,7 @@ use mcap::{Attachment, WriteOptions};
 
 use crate::file::about::{About, Part, RecordingOrigin};
 use crate::file::error::RecordingError;
-use crate::file::layout::{CHUNK, FLUSH_EVERY, METADATA, Mcap, NOTE, name_of};
+use crate::file::layout::{CHUNK, FLUSH_EVERY, METADATA, Mcap, name_of};
 use crate::file::notes::{NOTES_MOST, Note};
 use crate::file::stream::Stream;
 use crate::frames::Item;
@@ -135,10 +135,7 @@ impl RecordingWriter {
             )));
         }
         self.about.remarks.push(note.clone());
-        let written = self.mcap.write_metadata(&Metadata {
-            name: NOTE.into(),
-            metadata: note.to_map(),
-        });
+        let written = self.mcap.write_metadata(&note.to_record());
         written.map_err(RecordingError::unwritten(&self.partial))
     }
 
@@ -339,10 +336,7 @@ fn begin_file(
             metadata: about.to_map(),
         })?;
         for remark in &about.remarks {
-            mcap.write_metadata(&Metadata {
-                name: NOTE.into(),
-                metadata: remark.to_map(),
-            })?;
+            mcap.write_metadata(&remark.to_record())?;
         }
         mcap.flush()?;
         Ok(mcap)

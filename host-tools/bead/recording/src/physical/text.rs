@@ -196,7 +196,6 @@ mod tests {
     use super::*;
     use bead_model::design::{Bead, Day, FrontEnd, Relative, Supply, Surroundings, Uncertainty};
     use bead_model::name::Name;
-    use bead_testing::block_of;
 
     fn paper() -> Description {
         let (bead, front_end) = (Bead::paper(), FrontEnd::reference());
@@ -229,7 +228,8 @@ mod tests {
 
     #[test]
     fn a_file_that_was_written_is_read_to_the_same_bits() {
-        let bead = paper();
+        let mut bead = paper();
+        bead.intruder.stiffness = 395_123.456_789_1;
         let text = to_toml(&bead);
         let settings = parse(&text, "bead.toml").unwrap();
         assert_eq!(*settings.description(), bead, "{text}");
@@ -253,17 +253,6 @@ mod tests {
         assert_eq!(*parse(&text, "bead.toml").unwrap().description(), bead);
         set(&mut bead, "supply.voltage=3.2985").unwrap();
         assert_eq!(bead, paper());
-    }
-
-    #[test]
-    fn a_block_shows_every_number_as_it_was_typed() {
-        let typed = "395123.4567891";
-        let text = to_toml(&paper()).replacen("395000.0", typed, 1);
-        let settings = parse(&text, "bead.toml").unwrap();
-        let back = Settings::decode(block_of(&settings).block.bytes()).unwrap();
-        assert_eq!(back, settings);
-        let shown = to_toml(back.description());
-        assert!(shown.contains(&format!("stiffness = {typed} ")), "{shown}");
     }
 
     #[test]
