@@ -11,11 +11,24 @@ use crate::signals::Waveform;
 /// Numbers in all columns of a file at most: three waveforms of the greatest length.
 pub(super) const MOST_NUMBERS: usize = 3 * MOST;
 
+/// Columns of a file at most.
+pub(super) const MOST_COLUMNS: usize = 1000;
+
 /// A column, with its numbers.
 pub(super) struct Array {
     pub(super) header: ColumnHeader,
     /// In the unit of the file, all arrays of a file of one length.
     pub(super) values: Vec<f64>,
+}
+
+/// The columns of a matrix whose numbers stand row by row, or else column by column.
+pub(super) fn columns(values: &[f64], columns: usize, by_rows: bool) -> impl Iterator<Item = Vec<f64>> {
+    let rows = values.len() / columns.max(1);
+    let (to_column, to_row) = if by_rows { (1, columns) } else { (rows, 1) };
+    (0..columns).map(move |column| {
+        let row = |row| values[column * to_column + row * to_row];
+        (0..rows).map(row).collect()
+    })
 }
 
 /// Makes a waveform of the columns of a file without strikes. `rate_hz` is the file's own number of rows a

@@ -129,7 +129,11 @@ pub(super) fn pick(path: &Path, headers: &[ColumnHeader], choice: &Choice) -> Re
     picks.force = table.signal(choice, Quantity::Force)?;
     picks.acceleration = table.signal(choice, Quantity::Acceleration)?;
     if picks.force.is_none() && picks.acceleration.is_none() {
-        return Err(table.no_signal());
+        return table.unfit(format!(
+            "has no column of force or acceleration with a unit among {}; say which, and what 1 of it is: \
+             --read force=CH1:8.9N or --read acceleration=CH2:98m/s2",
+            table.shown()
+        ));
     }
     if choice.rate_hz.is_none() {
         let (time, remark) = table.time(choice)?;
@@ -371,17 +375,6 @@ impl NamedColumns<'_> {
         });
         taken.collect::<Vec<_>>().join(", ")
     }
-
-    fn no_signal(&self) -> WaveformError {
-        WaveformError::unfit(
-            self.path,
-            format!(
-                "has no column of force or acceleration with a unit among {}; say which, and what 1 of it is: \
-                 --read force=CH1:8.9N or --read acceleration=CH2:98m/s2",
-                self.shown()
-            ),
-        )
-    }
 }
 
 #[cfg(test)]
@@ -503,44 +496,28 @@ mod tests {
 
     #[test]
     fn a_missing_column_or_unit_is_named_with_what_to_type() {
-        let none = Choice::default();
-        for (names, choice, wanted) in [
+        for (names, wanted, part) in [
             (
-                &["TIME", "CH1", "CH2"][..],
-                &none,
+                "TIME|CH1|CH2",
+                "",
                 "TIME, CH1, CH2; say which, and what 1 of it is: --read force=CH1:8.9N",
             ),
-            (&["t (s)", "mass_g"], &none, "no column of force or acceleration"),
-            (&["t (s)", "Channel G"], &none, "no column of force or"),
-            (
-                &["t (s)", "force"],
-                &none,
-                "force has no unit; say what 1 of it is:",
-            ),
-            (&["t (s)", "Force (V)"], &none, "is in V; say what 1"),
-            (
-                &["F (N)"],
-                &none,
-                "no column of time among F (N); say which with --read",
-            ),
-            (
-                &["t (s)", "F1 (N)", "F2 (N)"],
-                &none,
-                "2 columns of force: F1 (N), F2",
-            ),
-            (
-                &["t (s)", "F (N)"],
-                &force("G:N"),
-                "no such column of numbers; there",
-            ),
-            (
-                &["t (s)", "F (N)"],
-                &force("F:ms"),
-                "is one of time; give one of force",
-            ),
+            ("t (s)|mass_g", "", "no column of force or acceleration"),
+            ("t (s)|Channel G", "", "no column of force or"),
+            ("t (s)|force", "", "force has no unit; say what 1 of it is:"),
+            ("t (s)|Force (V)", "", "is in V; say what 1"),
+            ("F (N)", "", "no column of time among F (N); say which with"),
+            ("t (s)|F1 (N)|F2 (N)", "", "2 columns of force: F1 (N), F2"),
+            ("t (s)|F (N)", "G:N", "no such column of numbers; there"),
+            ("t (s)|F (N)", "F:ms", "is one of time; give one of force"),
         ] {
-            let why = picked(names, choice).unwrap_err();
-            assert!(why.contains(wanted), "{why}");
+            let names: Vec<_> = names.split('|').collect();
+            let choice = Choice {
+                force: wanted.parse().ok(),
+                ..Choice::default()
+            };
+            let why = picked(&names, &choice).unwrap_err();
+            assert!(why.contains(part), "{why}");
         }
     }
 }

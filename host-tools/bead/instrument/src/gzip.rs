@@ -42,20 +42,13 @@ mod tests {
     use flate2::Compression;
     use flate2::write::GzEncoder;
 
-    use crate::{Choice, Waveform};
+    use crate::Choice;
+    use crate::testing::read;
 
     fn packed(bytes: &[u8]) -> Vec<u8> {
         let mut encoder = GzEncoder::new(Vec::new(), Compression::fast());
         encoder.write_all(bytes).unwrap();
         encoder.finish().unwrap()
-    }
-
-    fn read(bytes: &[u8]) -> Result<Waveform, String> {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("scope.csv.gz");
-        std::fs::write(&path, bytes).unwrap();
-        let waveform = Waveform::read(&path, &Choice::default(), None);
-        waveform.map_err(|error| error.to_string().replace(&*path.to_string_lossy(), "F"))
     }
 
     fn table() -> String {
@@ -71,7 +64,7 @@ mod tests {
             packed(table.as_bytes()),
             [packed(head.as_bytes()), packed(rest.as_bytes())].concat(),
         ] {
-            let force = read(&bytes).unwrap().force.unwrap();
+            let force = read(&bytes, &Choice::default()).unwrap().force.unwrap();
             assert!((force.last() - 1.9).abs() < 1e-12);
         }
     }
@@ -82,11 +75,14 @@ mod tests {
         let mut flipped = whole.clone();
         let checksum = flipped.len() - 8;
         flipped[checksum] ^= 1;
-        for bytes in [&whole[..whole.len() - 12], &flipped] {
-            let error = read(bytes).unwrap_err();
-            assert!(error.starts_with("F: is a damaged gzip file: "), "{error}");
+        let short = packed(b"t (ms),F (N)\n1,2\n");
+        for (bytes, begin) in [
+            (&whole[..whole.len() - 12], "F: is a damaged gzip file: "),
+            (&flipped, "F: is a damaged gzip file: "),
+            (&short, "F: has 1 lines of numbers"),
+        ] {
+            let error = read(bytes, &Choice::default()).unwrap_err();
+            assert!(error.starts_with(begin), "{error}");
         }
-        let error = read(&packed(b"t (ms),F (N)\n1,2\n")).unwrap_err();
-        assert!(error.starts_with("F: has 1 lines of numbers"), "{error}");
     }
 }

@@ -19,6 +19,8 @@ mod recorded;
 mod riff;
 mod rows;
 mod signals;
+#[cfg(test)]
+mod testing;
 mod text;
 pub mod trace;
 mod unread;

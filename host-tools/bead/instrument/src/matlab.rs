@@ -8,7 +8,7 @@ use std::path::Path;
 use flate2::read::ZlibDecoder;
 use mat5::{MatFile, Matrix, NamedArray};
 
-use crate::arrays::{Array, MOST_NUMBERS, waveform};
+use crate::arrays::{self, Array, MOST_COLUMNS, MOST_NUMBERS, waveform};
 use crate::choice::Choice;
 use crate::columns::ColumnHeader;
 use crate::error::WaveformError;
@@ -22,8 +22,6 @@ const MATRIX: u32 = 14;
 const COMPRESSED: u32 = 15;
 /// Bytes of all arrays at most, packed or not.
 const MOST_BYTES: u64 = 8 * MOST_NUMBERS as u64;
-/// Columns at most.
-const MOST_COLUMNS: usize = 1000;
 /// The variable of PicoScope that holds the time between two samples, s.
 const INTERVAL: &str = "Tinterval";
 
@@ -75,25 +73,17 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
             continue;
         }
         let name = one_line(&variable.name);
-        for column in 0..columns {
-            let at = |row: usize| {
-                let is_upright = matrix.rows == rows;
-                values[if is_upright {
-                    column * rows + row
-                } else {
-                    row * columns + column
-                }]
-            };
+        // MATLAB stores columns one after another.
+        let columns_of = arrays::columns(&values, columns, matrix.rows != rows);
+        for (column, values) in (1..).zip(columns_of) {
             let header = ColumnHeader {
                 place: arrays.len(),
-                name: if columns == 1 {
-                    name.to_string()
-                } else {
-                    format!("{name}_{}", column + 1)
+                name: match columns {
+                    1 => name.to_string(),
+                    _ => format!("{name}_{column}"),
                 },
                 unit: None,
             };
-            let values = (0..rows).map(at).collect();
             arrays.push(Array { header, values });
             if arrays.len() > MOST_COLUMNS {
                 return Err(too_many());
@@ -167,6 +157,7 @@ mod tests {
     use mat5::{DenseMatrix, Values};
 
     use super::*;
+    use crate::testing;
 
     fn array(name: &str, [rows, cols]: [usize; 2], values: Vec<f64>) -> NamedArray {
         let values = Values::F64(values);
@@ -182,15 +173,11 @@ mod tests {
     }
 
     fn read(bytes: &[u8], force: Option<&str>) -> Result<Waveform, String> {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("a.mat");
-        std::fs::write(&path, bytes).unwrap();
         let choice = Choice {
             force: force.map(|force| force.parse().unwrap()),
             ..Choice::default()
         };
-        Waveform::read(&path, &choice, None)
-            .map_err(|error| error.to_string().replace(&*path.to_string_lossy(), "F"))
+        testing::read(bytes, &choice)
     }
 
     fn ramp() -> Vec<f64> {

@@ -6,15 +6,13 @@ use std::path::Path;
 
 use npyz::{DType, NpyFile, Order, TypeChar};
 
-use crate::arrays::{Array, MOST_NUMBERS, waveform};
+use crate::arrays::{self, Array, MOST_COLUMNS, MOST_NUMBERS, waveform};
 use crate::choice::Choice;
 use crate::columns::ColumnHeader;
 use crate::error::WaveformError;
 use crate::signals::Waveform;
 use bead_tables::printable::{beginning, one_line};
 
-/// Columns of an array at most.
-const MOST_COLUMNS: u64 = 1000;
 /// Bytes of a header at most, as in `numpy.load`.
 const LONGEST_HEADER: usize = 10_000;
 /// Brackets in a header at most: its parser calls itself for each.
@@ -52,7 +50,7 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
     let numbers = rows
         .checked_mul(columns)
         .filter(|all| *all <= MOST_NUMBERS as u64);
-    let Some(numbers) = numbers.filter(|_| columns <= MOST_COLUMNS) else {
+    let Some(numbers) = numbers.filter(|_| columns <= MOST_COLUMNS as u64) else {
         return unfit(format!(
             "is an array of {rows} by {columns}; at most {MOST_COLUMNS} columns and {} million numbers are read",
             MOST_NUMBERS / 1_000_000
@@ -71,21 +69,9 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
         ));
     };
     let values = values.map_err(damaged)?;
-    let (rows, columns) = (rows as usize, columns as usize);
-    let column = |place: usize| {
-        let at = |row: usize| {
-            if by_rows {
-                row * columns + place
-            } else {
-                place * rows + row
-            }
-        };
-        Array {
-            header: ColumnHeader::without_name(place),
-            values: (0..rows).filter_map(|row| values.get(at(row)).copied()).collect(),
-        }
-    };
-    let arrays: Vec<_> = (0..columns).map(column).collect();
+    let headers = (0..).map(ColumnHeader::without_name);
+    let columns = headers.zip(arrays::columns(&values, columns as usize, by_rows));
+    let arrays: Vec<_> = columns.map(|(header, values)| Array { header, values }).collect();
     waveform(path, choice, &arrays, None)
 }
 
@@ -147,6 +133,7 @@ fn values<R: Read>(array: NpyFile<R>) -> Option<io::Result<Vec<f64>>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing;
 
     /// A file with a header as NumPy 2 writes it, and these numbers.
     fn file(version: u8, dtype: &str, fortran: &str, shape: &str, numbers: &[u8]) -> Vec<u8> {
@@ -165,17 +152,13 @@ mod tests {
     }
 
     fn read(bytes: &[u8], rate_hz: Option<f64>, force: &str) -> Result<Waveform, String> {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("a.npy");
-        std::fs::write(&path, bytes).unwrap();
         let choice = Choice {
             time: rate_hz.is_none().then(|| "1:ms".parse().unwrap()),
             force: Some(force.parse().unwrap()),
             rate_hz,
             ..Choice::default()
         };
-        Waveform::read(&path, &choice, None)
-            .map_err(|error| error.to_string().replace(&*path.to_string_lossy(), "F"))
+        testing::read(bytes, &choice)
     }
 
     fn ramp(row: i32) -> i32 {
@@ -223,40 +206,19 @@ mod tests {
     #[test]
     fn other_arrays_and_damaged_files_are_refused_in_a_line() {
         let nested = format!("{}'<f8'", "(".repeat(5000));
+        let of = |dtype, shape, bytes| file(1, dtype, "False", shape, &vec![0; bytes]);
+        let cut = file(2, "'<f8'", "False", "(30,)", &[])[..12].to_vec();
+        let long = b"\x93NUMPY\x02\x00\xff\xff\xff\xff".to_vec();
         for (bytes, part) in [
-            (
-                file(1, "'<c16'", "False", "(30,)", &[0; 480]),
-                "save it with .astype(float)",
-            ),
-            (
-                file(1, "[('t', '<f8')]", "False", "(30,)", &[0; 240]),
-                "save it with .astype(float)",
-            ),
-            (
-                file(1, "'<f8'", "False", "(3, 3, 3)", &[0; 216]),
-                "of 3 dimensions",
-            ),
-            (
-                file(1, "'<f8'", "False", "(30,)", &[0; 232]),
-                "is a damaged .npy file",
-            ),
-            (
-                file(1, "'<f8'", "False", "(9999999,)", &[0; 80]),
-                "declares 9999999 numbers in",
-            ),
-            (
-                file(1, "'<f8'", "False", "(99999999999, 99999999999)", &[]),
-                "is an array of 99999999999 by",
-            ),
-            (file(1, &nested, "False", "(30,)", &[]), "too many brackets"),
-            (
-                file(2, "'<f8'", "False", "(30,)", &[])[..12].to_vec(),
-                "is a damaged .npy file",
-            ),
-            (
-                b"\x93NUMPY\x02\x00\xff\xff\xff\xff".to_vec(),
-                "its header is too long",
-            ),
+            (of("'<c16'", "(30,)", 480), "save it with .astype(float)"),
+            (of("[('t', '<f8')]", "(30,)", 240), "with .astype(float)"),
+            (of("'<f8'", "(3, 3, 3)", 216), "of 3 dimensions"),
+            (of("'<f8'", "(30,)", 232), "is a damaged .npy file"),
+            (of("'<f8'", "(9999999,)", 80), "declares 9999999 numbers in"),
+            (of("'<f8'", "(99999999999, 99999999999)", 0), "of 99999999999 by"),
+            (of(&nested, "(30,)", 0), "too many brackets"),
+            (cut, "is a damaged .npy file"),
+            (long, "its header is too long"),
         ] {
             let error = read(&bytes, Some(1e3), "1:N").unwrap_err();
             assert!(error.contains(part) && error.lines().count() == 1, "{error}");

@@ -7,7 +7,6 @@ use crate::error::WaveformError;
 use crate::rows::{ACCELERATION_LATER, Rows};
 use crate::signals::Waveform;
 use bead_recording::file::{RecordedBead, Recording};
-use bead_recording::signal::Signal;
 
 /// Reads a strike of a recording; of a recording of several beads, that of bead number `bead`.
 pub(super) fn read(path: &Path, choice: &Choice, bead: Option<usize>) -> Result<Waveform, WaveformError> {
@@ -45,10 +44,7 @@ pub(super) fn read(path: &Path, choice: &Choice, bead: Option<usize>) -> Result<
             strike.said.samples
         ));
     }
-    let signal = strike
-        .settings
-        .and_then(|settings| Signal::of(&strike.scans, &settings));
-    let (Some(signal), Some(rate)) = (signal, strike.rate()) else {
+    let (Some(signal), Some(rate)) = (strike.signal(), strike.rate()) else {
         return unfit(format!(
             "strike {wanted} came without settings, so its samples have no units; choose another"
         ));

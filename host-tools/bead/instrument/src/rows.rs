@@ -76,60 +76,51 @@ impl<'a> Rows<'a> {
     /// # Errors
     /// A value is missing or too great, or the time does not increase.
     pub(super) fn push(&mut self, number: u64, values: [Option<f64>; 3]) -> Result<(), WaveformError> {
-        let row = self.row;
+        let (path, row) = (self.path, self.row);
         if self.count == MOST {
             return self.unfit(format!(
                 "has more than {} million {row}s; cut the strike out of it, or keep every tenth",
                 MOST / 1_000_000
             ));
         }
-        let wanted = [
-            (self.rate_hz.is_none(), Quantity::Time),
-            (self.force.is_some(), Quantity::Force),
-            (self.acceleration.is_some(), Quantity::Acceleration),
+        let unfit = |what| Err(WaveformError::unfit(path, what));
+        let columns = [
+            (self.rate_hz.is_none().then_some(&mut self.time), Quantity::Time),
+            (self.force.as_mut(), Quantity::Force),
+            (self.acceleration.as_mut(), Quantity::Acceleration),
         ];
-        for ((wanted, quantity), value) in wanted.into_iter().zip(values) {
-            if !wanted {
-                continue;
-            }
+        for ((column, quantity), value) in columns.into_iter().zip(values) {
+            let Some(column) = column else { continue };
             let Some(value) = value.filter(|value| value.is_finite()) else {
-                return self.unfit(format!(
+                return unfit(format!(
                     "{row} {number} has no number for the {}; a waveform has no gaps: fill it in, or cut it out",
                     quantity.name()
                 ));
             };
             if value.abs() > GREATEST {
-                return self.unfit(format!(
+                return unfit(format!(
                     "{row} {number} has {value:.3e} {} for the {}, and nothing is above {GREATEST:e}; mend it, or its unit",
                     quantity.si(),
                     quantity.name()
                 ));
             }
+            column.push(value);
         }
-        let [time, force, acceleration] = values;
-        if self.rate_hz.is_none()
-            && let Some(time) = time
+        if let [.., before, time] = self.time[..]
+            && time <= before
         {
-            if let Some(before) = self.time.last().filter(|before| time <= **before) {
-                let what = if time == *before {
-                    "stands still"
-                } else {
-                    "goes back"
-                };
-                let (before, time) = (before + self.since, time + self.since);
-                return self.unfit(format!(
-                    "time {what} at {row} {number}, from {before} to {time} s; sort the rows, or give their true rate with \
-                     --read rate=HZ"
-                ));
-            }
-            self.time.push(time);
+            let what = if time == before {
+                "stands still"
+            } else {
+                "goes back"
+            };
+            let (before, time) = (before + self.since, time + self.since);
+            return unfit(format!(
+                "time {what} at {row} {number}, from {before} to {time} s; sort the rows, or give their true rate with \
+                 --read rate=HZ"
+            ));
         }
         self.count += 1;
-        for (column, value) in [(&mut self.force, force), (&mut self.acceleration, acceleration)] {
-            if let Some((column, value)) = column.as_mut().zip(value) {
-                column.push(value);
-            }
-        }
         Ok(())
     }
 

@@ -296,17 +296,9 @@ fn value_of(field: &str, separator: char) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use std::cell::Cell;
-    use std::fs;
 
     use super::*;
-
-    fn waveform(bytes: impl AsRef<[u8]>, choice: &Choice) -> Result<Waveform, String> {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("scope.csv");
-        fs::write(&path, bytes).unwrap();
-        Waveform::read(&path, choice, None)
-            .map_err(|error| error.to_string().replace(&*path.to_string_lossy(), "F"))
-    }
+    use crate::testing::read as waveform;
 
     /// A choice of columns; an empty text chooses none.
     fn choice(time: &str, force: &str) -> Choice {

@@ -45,11 +45,11 @@ pub(super) fn reason(head: &[u8]) -> Option<&'static str> {
 
 #[cfg(test)]
 mod tests {
-    use crate::{Choice, Waveform};
+    use crate::Choice;
+    use crate::testing::read;
 
     #[test]
     fn a_known_form_is_named_with_a_way_to_one_that_is_read() {
-        let file = tempfile::NamedTempFile::new().unwrap();
         for (head, part) in [
             ("MATLAB 7.3 MAT-file, Platform: GLNXA64", "'-v7'"),
             ("\u{89}HDF\r\n\u{1a}\n", "is HDF5"),
@@ -61,9 +61,8 @@ mod tests {
             ("PK\u{3}\u{4}\0", "ZIP archive"),
         ] {
             let bytes: Vec<u8> = head.chars().map(|c| c as u8).collect();
-            std::fs::write(file.path(), bytes).unwrap();
-            let error = Waveform::read(file.path(), &Choice::default(), None).unwrap_err();
-            assert!(error.to_string().contains(part), "{error}");
+            let error = read(bytes, &Choice::default()).unwrap_err();
+            assert!(error.contains(part), "{error}");
         }
     }
 }

@@ -65,10 +65,9 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
 
 #[cfg(test)]
 mod tests {
-    use std::path::PathBuf;
-
     use super::*;
     use crate::riff::{EXTENSIBLE, FLOAT, PCM};
+    use crate::testing::read;
 
     /// A chunk: its name, the length that it declares, and its bytes.
     type Chunk<'a> = (&'a [u8; 4], u32, &'a [u8]);
@@ -77,16 +76,13 @@ mod tests {
         (name, body.len() as u32, body)
     }
 
-    /// A folder, and the path of a file with these chunks in it.
-    fn of_chunks(chunks: &[Chunk<'_>]) -> (tempfile::TempDir, PathBuf) {
+    /// Reads a file with these chunks in it.
+    fn of_chunks(chunks: &[Chunk<'_>], choice: &Choice) -> Result<Waveform, String> {
         let mut bytes = b"RIFF\0\0\0\0WAVE".to_vec();
         for (name, length, body) in chunks {
             bytes.extend([&name[..], &length.to_le_bytes(), body].concat());
         }
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("drop.wav");
-        std::fs::write(&path, bytes).unwrap();
-        (folder, path)
+        read(bytes, choice)
     }
 
     /// A chunk `fmt ` of a channel at 48 kHz with samples of `bytes` bytes, and `more` behind its first 16
@@ -127,15 +123,9 @@ mod tests {
         }
     }
 
-    fn refused(chunks: &[Chunk<'_>], choice: &Choice) -> String {
-        let (_folder, path) = of_chunks(chunks);
-        Waveform::read(&path, choice, None).unwrap_err().to_string()
-    }
-
     /// Checks that a full scale of 500 N gives the pulse, to `step` N.
     fn is_the_pulse(chunks: &[Chunk<'_>], step: f64) {
-        let (_folder, path) = of_chunks(chunks);
-        let force = Waveform::read(&path, &of("1:500N"), None).unwrap().force.unwrap();
+        let force = of_chunks(chunks, &of("1:500N")).unwrap().force.unwrap();
         let peak = force
             .points()
             .find(|(time, _)| (time * 48_000.0).round() == 100.0);
@@ -184,7 +174,7 @@ mod tests {
             (vec![form], "ends before its samples; save it again"),
             (vec![data, form], "its samples come before their form"),
         ] {
-            let why = refused(&chunks, &of("1:500N"));
+            let why = of_chunks(&chunks, &of("1:500N")).unwrap_err();
             assert!(why.contains(message), "{why}");
         }
     }
@@ -203,7 +193,7 @@ mod tests {
             form(EXTENSIBLE, 4, 32, &[]),
         ] {
             let chunks = [chunk(b"fmt ", &form), chunk(b"data", &[0; 1600])];
-            let why = refused(&chunks, &of("1:500N"));
+            let why = of_chunks(&chunks, &of("1:500N")).unwrap_err();
             assert!(why.contains("of a kind that is not read; save it"), "{why}");
         }
     }
@@ -211,11 +201,15 @@ mod tests {
     #[test]
     fn without_units_it_is_refused_and_says_what_to_give() {
         let (form, samples) = (form(PCM, 2, 16, &[]), samples(PCM, 2));
-        let says = |choice: &Choice| refused(&[chunk(b"fmt ", &form), chunk(b"data", &samples)], choice);
-        let why = says(&Choice::default());
-        let part = "(it has 1) what full scale is: --read force=1:500N";
-        assert!(why.contains(part), "{why}");
-        assert!(says(&of("3:500N")).contains("no such column of numbers; there are 1"));
-        assert!(says(&of("1")).contains("column 1 has no unit"));
+        let chunks = [chunk(b"fmt ", &form), chunk(b"data", &samples)];
+        let none = Choice::default();
+        for (choice, part) in [
+            (none, "(it has 1) what full scale is: --read force=1:500N"),
+            (of("3:500N"), "no such column of numbers; there are 1"),
+            (of("1"), "column 1 has no unit"),
+        ] {
+            let why = of_chunks(&chunks, &choice).unwrap_err();
+            assert!(why.contains(part), "{why}");
+        }
     }
 }
