@@ -113,7 +113,7 @@ impl Mask {
         let unit = if self.unit() == "g" { GRAVITY } else { 1.0 };
         let responses = spectrum(&signal.acceleration, signal.rate, self.quality, &at);
         let points = at.into_iter().zip(&responses).map(|(frequency, response)| {
-            let [value, ..] = response.peaks(self.response).values();
+            let [value, ..] = response.values(self.response);
             let value = value / unit;
             let part = signal.gain_uncertainty.filter(|_| frequency <= FLAT_TO);
             let expanded = part.map(|part| 2.0 * part * value);

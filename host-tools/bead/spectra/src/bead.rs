@@ -10,8 +10,7 @@ use crate::statistics::{OverStrikes, tolerance};
 use crate::strike::{FLAT_TO, StrikeSignal};
 use crate::transfer::TransferSums;
 
-/// Standard gravity, m/s² (ISO 80000-3).
-pub const GRAVITY: f64 = 9.806_65;
+pub use bead_tables::unit::GRAVITY;
 
 /// A strike that had a part.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
@@ -117,23 +116,19 @@ pub struct BeadSpectrum {
     pub left_out: Vec<LeftOut>,
 }
 
-enum Sums {
-    Shock {
-        of: ResponseKind,
-        by_frequency: Vec<(OverStrikes, [f64; 5])>,
-    },
-    Values(Vec<OverStrikes>),
-    Fourier {
-        by_frequency: Vec<OverStrikes>,
-        phases: Vec<f64>,
-    },
-    Transfer(TransferSums),
-}
-
 /// The strikes of a bead so far.
 pub struct BeadSums {
     plan: Plan,
-    sums: Sums,
+    /// The response that a shock response spectrum is of.
+    response: ResponseKind,
+    /// By frequency, but of a transfer: maximax, density or magnitude.
+    by_frequency: Vec<OverStrikes>,
+    /// Of a shock response spectrum: the greatest of the strikes by frequency, in the order of
+    /// [`VALUES`](crate::shock::VALUES).
+    greatest: Vec<[f64; 5]>,
+    /// Of a Fourier transform: phases of the last strike, rad.
+    phases: Vec<f64>,
+    transfer: TransferSums,
     /// Size of a unit of acceleration, m/s².
     acceleration: f64,
     gain_uncertainty: Option<f64>,
@@ -145,21 +140,13 @@ impl BeadSums {
     /// No strike yet. A shock response spectrum is of `response`; accelerations are in g if `gravities`.
     pub fn new(plan: Plan, response: ResponseKind, gravities: bool) -> Self {
         let places = plan.frequencies.len();
-        let sums = match plan.kind() {
-            Kind::Shock { .. } => Sums::Shock {
-                of: response,
-                by_frequency: vec![Default::default(); places],
-            },
-            Kind::Density { .. } => Sums::Values(vec![Default::default(); places]),
-            Kind::Fourier { .. } => Sums::Fourier {
-                by_frequency: vec![Default::default(); places],
-                phases: Vec::new(),
-            },
-            Kind::Transfer => Sums::Transfer(TransferSums::new(places)),
-        };
         Self {
             plan,
-            sums,
+            response,
+            by_frequency: vec![OverStrikes::default(); places],
+            greatest: vec![[0.0; 5]; places],
+            phases: Vec::new(),
+            transfer: TransferSums::new(places),
             acceleration: if gravities { GRAVITY } else { 1.0 },
             gain_uncertainty: Some(0.0),
             zero_uncertainty: 0.0,
@@ -179,37 +166,27 @@ impl BeadSums {
 
     /// Adds a strike with its spectrum, which is of this plan.
     pub fn add(&mut self, strike: &StrikeSignal, spectrum: &StrikeSpectrum) {
-        match (&mut self.sums, spectrum) {
-            (Sums::Shock { of, by_frequency }, StrikeSpectrum::Shock(responses)) => {
-                for ((over, greatest), response) in by_frequency.iter_mut().zip(responses) {
-                    let values = response.peaks(*of).values();
-                    over.add(values[0]);
-                    greatest
-                        .iter_mut()
-                        .zip(values)
-                        .for_each(|(most, value)| *most = most.max(value));
+        let values: Vec<f64> = match spectrum {
+            StrikeSpectrum::Shock(responses) => {
+                let values = responses.iter().map(|response| response.values(self.response));
+                for (greatest, values) in self.greatest.iter_mut().zip(values.clone()) {
+                    let both = greatest.iter_mut().zip(values);
+                    both.for_each(|(most, value)| *most = most.max(value));
                 }
+                values.map(|[maximax, ..]| maximax).collect()
             }
-            (Sums::Values(by_frequency), StrikeSpectrum::Density(values)) => {
-                by_frequency
-                    .iter_mut()
-                    .zip(values)
-                    .for_each(|(over, value)| over.add(*value));
+            StrikeSpectrum::Density(values) => values.clone(),
+            StrikeSpectrum::Fourier(values) => {
+                self.phases = values.iter().map(|value| value.arg()).collect();
+                values.iter().map(|value| value.norm()).collect()
             }
-            (Sums::Fourier { by_frequency, phases }, StrikeSpectrum::Fourier(values)) => {
-                by_frequency
-                    .iter_mut()
-                    .zip(values)
-                    .for_each(|(over, value)| over.add(value.norm()));
-                // Of several strikes there is none.
-                *phases = values.iter().map(|value| value.arg()).collect();
+            StrikeSpectrum::Transfer([force, acceleration]) => {
+                self.transfer.add(force, acceleration);
+                Vec::new()
             }
-            (Sums::Transfer(sums), StrikeSpectrum::Transfer([force, acceleration])) => {
-                sums.add(force, acceleration);
-            }
-            // A spectrum is of the plan's kind.
-            _ => return,
-        }
+        };
+        let both = self.by_frequency.iter_mut().zip(values);
+        both.for_each(|(over, value)| over.add(value));
         let both = self.gain_uncertainty.zip(strike.gain_uncertainty);
         self.gain_uncertainty = both.map(|(one, other)| one.max(other));
         self.zero_uncertainty = self.zero_uncertainty.max(strike.zero_uncertainty);
@@ -228,22 +205,19 @@ impl BeadSums {
         use crate::strike::Sensors;
         let (is_si, size) = (self.acceleration == 1.0, self.acceleration);
         let either = |si, g| if is_si { si } else { g };
-        match (self.plan.kind(), &self.sums) {
-            (Kind::Shock { .. }, Sums::Shock { of, .. }) => match of {
+        match self.plan.kind() {
+            Kind::Shock { .. } => match self.response {
                 ResponseKind::AbsoluteAcceleration => (either("m/s²", "g"), size, 1.0),
                 ResponseKind::PseudoVelocity => ("m/s", 1.0, 1.0),
                 ResponseKind::RelativeDisplacement => ("m", 1.0, 1.0),
             },
-            (
-                Kind::Density {
-                    of: Sensors::Force, ..
-                },
-                _,
-            ) => ("N²/Hz", 1.0, 2.0),
-            (Kind::Density { .. }, _) => (either("(m/s²)²/Hz", "g²/Hz"), size * size, 2.0),
-            (Kind::Fourier { of: Sensors::Force }, _) => ("N/Hz", 1.0, 1.0),
-            (Kind::Fourier { .. }, _) => (either("(m/s²)/Hz", "g/Hz"), size, 1.0),
-            _ => (either("(m/s²)/N", "g/N"), size, 1.0),
+            Kind::Density { of, .. } => match of {
+                Sensors::Force => ("N²/Hz", 1.0, 2.0),
+                _ => (either("(m/s²)²/Hz", "g²/Hz"), size * size, 2.0),
+            },
+            Kind::Fourier { of: Sensors::Force } => ("N/Hz", 1.0, 1.0),
+            Kind::Fourier { .. } => (either("(m/s²)/Hz", "g/Hz"), size, 1.0),
+            Kind::Transfer => (either("(m/s²)/N", "g/N"), size, 1.0),
         }
     }
 
@@ -253,7 +227,10 @@ impl BeadSums {
         let count = self.used.len();
         let factor = if count > 2 { tolerance(count) } else { 0.0 };
         let gain = |frequency: f64| self.gain_uncertainty.filter(|_| frequency <= FLAT_TO);
-        let point = |frequency: f64, over: &OverStrikes| {
+        let is_shock = matches!(self.plan.kind(), Kind::Shock { .. });
+        let point = |(place, frequency): (usize, f64)| {
+            let over = &self.by_frequency[place];
+            let [_, primary, residual, positive, negative] = self.greatest[place].map(|value| value / size);
             let (mean, deviation) = (over.mean() / size, over.deviation().map(|of| of / size));
             let of_mean = deviation.map_or(0.0, |of| of / (count as f64).sqrt());
             SpectrumPoint {
@@ -263,45 +240,22 @@ impl BeadSums {
                 envelope: over.greatest() / size,
                 upper_95_50: over.upper(factor).map(|upper| upper / size),
                 u: gain(frequency).map(|part| (power * part * mean).hypot(of_mean)),
-                peaks: None,
-                phase_rad: None,
+                peaks: is_shock.then_some(PeakEnvelopes {
+                    primary,
+                    residual,
+                    positive,
+                    negative,
+                }),
+                phase_rad: self.phases.get(place).copied().filter(|_| count == 1),
             }
         };
         let frequencies = self.plan.frequencies.iter().copied();
-        let points = match &self.sums {
-            Sums::Shock { by_frequency, .. } => Points::Spectrum(
-                frequencies
-                    .zip(by_frequency)
-                    .map(|(frequency, (over, greatest))| {
-                        let [_, primary, residual, positive, negative] = greatest.map(|value| value / size);
-                        let peaks = Some(PeakEnvelopes {
-                            primary,
-                            residual,
-                            positive,
-                            negative,
-                        });
-                        SpectrumPoint {
-                            peaks,
-                            ..point(frequency, over)
-                        }
-                    })
-                    .collect(),
-            ),
-            Sums::Values(by_frequency) => {
-                let all = frequencies.zip(by_frequency);
-                Points::Spectrum(all.map(|(frequency, over)| point(frequency, over)).collect())
+        let points = match self.plan.kind() {
+            Kind::Shock { .. } | Kind::Density { .. } | Kind::Fourier { .. } => {
+                Points::Spectrum(frequencies.enumerate().map(point).collect())
             }
-            Sums::Fourier { by_frequency, phases } => Points::Spectrum(
-                frequencies
-                    .zip(by_frequency.iter().zip(phases))
-                    .map(|(frequency, (over, phase))| SpectrumPoint {
-                        phase_rad: (count == 1).then_some(*phase),
-                        ..point(frequency, over)
-                    })
-                    .collect(),
-            ),
-            Sums::Transfer(sums) => {
-                let all = frequencies.zip(sums.transfers());
+            Kind::Transfer => {
+                let all = frequencies.zip(self.transfer.transfers());
                 let point = all.map(|(frequency, found)| {
                     let value = Some(found.value / size).filter(|value| value.is_finite());
                     let magnitude = value.map(|value| value.norm());

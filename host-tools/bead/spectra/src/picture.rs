@@ -48,6 +48,9 @@ fn curve(name: &str, ink: Ink, mark: Mark, points: impl Iterator<Item = (f64, f6
     }
 }
 
+/// Name, ink and mark of a curve, and its value at a point.
+type Curve = (&'static str, Ink, Mark, fn(&SpectrumPoint) -> Option<f64>);
+
 fn spectrum(name: &str, unit: &str, points: &[SpectrumPoint]) -> Panel {
     let over = |value: fn(&SpectrumPoint) -> Option<f64>| {
         points
@@ -56,47 +59,26 @@ fn spectrum(name: &str, unit: &str, points: &[SpectrumPoint]) -> Panel {
     };
     let is_shock = points.iter().any(|point| point.peaks.is_some());
     let several = points.iter().any(|point| point.standard_deviation.is_some());
-    let mut curves = Vec::new();
-    if several {
-        curves.extend([
-            curve(
-                "envelope",
-                Ink::Chain,
-                Mark::Broad,
-                over(|point| Some(point.envelope)),
-            ),
-            curve(
-                "P95/50",
-                Ink::Predicted,
-                Mark::Dashed,
-                over(|point| point.upper_95_50),
-            ),
-            curve("mean", Ink::Measured, Mark::Line, over(|point| Some(point.mean))),
-        ]);
+    let curves: Vec<Curve> = if several {
+        vec![
+            ("envelope", Ink::Chain, Mark::Broad, |p| Some(p.envelope)),
+            ("P95/50", Ink::Predicted, Mark::Dashed, |p| p.upper_95_50),
+            ("mean", Ink::Measured, Mark::Line, |p| Some(p.mean)),
+        ]
     } else if is_shock {
-        let peaks = |value: fn(&crate::bead::PeakEnvelopes) -> f64| {
-            points
-                .iter()
-                .filter_map(move |point| Some((point.frequency_hz, value(point.peaks.as_ref()?))))
-        };
-        curves.extend([
-            curve("maximax", Ink::Chain, Mark::Broad, over(|point| Some(point.mean))),
-            curve("primary", Ink::Measured, Mark::Line, peaks(|peaks| peaks.primary)),
-            curve(
-                "residual",
-                Ink::Predicted,
-                Mark::Dashed,
-                peaks(|peaks| peaks.residual),
-            ),
-        ]);
+        vec![
+            ("maximax", Ink::Chain, Mark::Broad, |p| Some(p.mean)),
+            ("primary", Ink::Measured, Mark::Line, |p| Some(p.peaks?.primary)),
+            ("residual", Ink::Predicted, Mark::Dashed, |p| {
+                Some(p.peaks?.residual)
+            }),
+        ]
     } else {
-        curves.push(curve(
-            "",
-            Ink::Measured,
-            Mark::Line,
-            over(|point| Some(point.mean)),
-        ));
-    }
+        vec![("", Ink::Measured, Mark::Line, |p| Some(p.mean))]
+    };
+    let curves = curves.into_iter();
+    let curves = curves.map(|(name, ink, mark, value)| curve(name, ink, mark, over(value)));
+    let mut curves: Vec<Series> = curves.collect();
     curves.retain(|curve| !curve.points.is_empty());
     Panel::new(format!("{name} ({unit})"), curves).log().height(360)
 }

@@ -17,12 +17,12 @@ pub const SAMPLES_IN_A_PERIOD: f64 = 10.0;
 const ORIGIN: f64 = 1000.0;
 
 /// The greatest responses to each side, both zero or above.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Sides {
+#[derive(Clone, Copy, Default)]
+struct Sides {
     /// Upward.
-    pub positive: f64,
+    positive: f64,
     /// Downward, without its sign.
-    pub negative: f64,
+    negative: f64,
 }
 
 impl Sides {
@@ -30,51 +30,21 @@ impl Sides {
         self.positive = self.positive.max(value);
         self.negative = self.negative.max(-value);
     }
-
-    /// The greater of both.
-    pub fn either(self) -> f64 {
-        self.positive.max(self.negative)
-    }
-
-    fn scaled(self, by: f64) -> Self {
-        Self {
-            positive: by * self.positive,
-            negative: by * self.negative,
-        }
-    }
 }
 
-/// The greatest responses of an oscillator.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Peaks {
-    /// While the record lasts.
-    pub during: Sides,
-    /// After it.
-    pub after: Sides,
+/// The five values of an oscillator's response while the record lasts, and after it.
+fn values(during: Sides, after: Sides) -> [f64; 5] {
+    let [primary, residual] = [during, after].map(|sides| sides.positive.max(sides.negative));
+    [
+        primary.max(residual),
+        primary,
+        residual,
+        during.positive.max(after.positive),
+        during.negative.max(after.negative),
+    ]
 }
 
-impl Peaks {
-    /// The five values of a shock response spectrum, in the order of [`VALUES`].
-    pub fn values(&self) -> [f64; 5] {
-        let (primary, residual) = (self.during.either(), self.after.either());
-        [
-            primary.max(residual),
-            primary,
-            residual,
-            self.during.positive.max(self.after.positive),
-            self.during.negative.max(self.after.negative),
-        ]
-    }
-
-    fn scaled(&self, by: f64) -> Self {
-        Self {
-            during: self.during.scaled(by),
-            after: self.after.scaled(by),
-        }
-    }
-}
-
-/// Names of [`Peaks::values`].
+/// Names of [`ShockResponse::values`].
 pub const VALUES: [&str; 5] = ["maximax", "primary", "residual", "positive", "negative"];
 
 /// The response that a spectrum is of.
@@ -112,19 +82,20 @@ pub struct ShockResponse {
     /// Natural frequency, Hz.
     pub frequency: f64,
     /// Of the absolute acceleration, m/s².
-    absolute: Peaks,
+    absolute: [f64; 5],
     /// Of ω² times the relative displacement, m/s².
-    relative: Peaks,
+    relative: [f64; 5],
 }
 
 impl ShockResponse {
-    /// The peaks of a response, in SI units.
-    pub fn peaks(&self, of: ResponseKind) -> Peaks {
+    /// The greatest values of a response in SI units, all zero or above, in the order of [`VALUES`].
+    pub fn values(&self, of: ResponseKind) -> [f64; 5] {
         let omega = TAU * self.frequency;
+        let relative = |by: f64| self.relative.map(|value| by * value);
         match of {
             ResponseKind::AbsoluteAcceleration => self.absolute,
-            ResponseKind::PseudoVelocity => self.relative.scaled(1.0 / omega),
-            ResponseKind::RelativeDisplacement => self.relative.scaled(1.0 / (omega * omega)),
+            ResponseKind::PseudoVelocity => relative(1.0 / omega),
+            ResponseKind::RelativeDisplacement => relative(1.0 / (omega * omega)),
         }
     }
 }
@@ -154,14 +125,8 @@ fn response(acceleration: &[f64], rate: f64, quality: f64, frequency: f64) -> Sh
     let after = run(&mut std::iter::repeat_n(0.0, period.ceil() as usize + 1));
     ShockResponse {
         frequency,
-        absolute: Peaks {
-            during: during.0,
-            after: after.0,
-        },
-        relative: Peaks {
-            during: during.1,
-            after: after.1,
-        },
+        absolute: values(during.0, after.0),
+        relative: values(during.1, after.1),
     }
 }
 
@@ -213,8 +178,7 @@ mod tests {
         for ratio in [0.2, 0.5, 0.8, 1.2, 1.7, 2.5, 3.7, 6.0] {
             let frequency = ratio / (2.0 * 2e-3);
             let found = spectrum(&half_sine(), RATE, quality, &[frequency])[0];
-            let [maximax, primary, residual, positive, _] =
-                found.peaks(ResponseKind::AbsoluteAcceleration).values();
+            let [maximax, primary, residual, positive, _] = found.values(ResponseKind::AbsoluteAcceleration);
             let (of_primary, of_residual) = exact(ratio);
             let near = |found: f64, exact: f64| (found - 1000.0 * exact).abs() < 1.0 + 1e-3 * found;
             assert!(near(primary, of_primary), "{ratio}: {primary} {of_primary}");
@@ -230,11 +194,10 @@ mod tests {
         let change = 2.0 * 1000.0 * 2e-3 / PI;
         let found = spectrum(&half_sine(), RATE, 1e6, &[0.05, 0.5, 5.0]);
         for response in found {
-            let peaks = response.peaks(ResponseKind::PseudoVelocity);
-            let [maximax, primary, residual, ..] = peaks.values();
+            let [maximax, primary, residual, ..] = response.values(ResponseKind::PseudoVelocity);
             assert!((maximax / change - 1.0).abs() < 1e-3, "{response:?}");
             assert!(residual > primary);
-            let displacement = response.peaks(ResponseKind::RelativeDisplacement).values()[0];
+            let displacement = response.values(ResponseKind::RelativeDisplacement)[0];
             let omega = TAU * response.frequency;
             assert!((displacement * omega / maximax - 1.0).abs() < 1e-12);
         }
@@ -247,7 +210,7 @@ mod tests {
             let found = spectrum(&step, RATE, quality, &[100.0])[0];
             let damping = 0.5 / quality;
             let over = (-PI * damping / (1.0_f64 - damping * damping).sqrt()).exp();
-            let greatest = found.peaks(ResponseKind::RelativeDisplacement).during.negative;
+            let [.., greatest] = found.values(ResponseKind::RelativeDisplacement);
             let exact = (1.0 + over) / (TAU * 100.0).powi(2);
             assert!(
                 (greatest / exact - 1.0).abs() < 1e-5,

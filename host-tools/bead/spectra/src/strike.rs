@@ -218,18 +218,12 @@ mod tests {
                 .gain_uncertainty
                 .unwrap()
         };
-        for (sensors, squares) in [
-            (
-                Sensors::Force,
-                0.01_f64.powi(2) + 0.02_f64.powi(2) + 0.012_f64.powi(2),
-            ),
-            (Sensors::Acceleration, 0.013_f64.powi(2)),
-            (
-                Sensors::Both,
-                0.01_f64.powi(2) + 0.02_f64.powi(2) + 0.005_f64.powi(2),
-            ),
+        for (sensors, expected) in [
+            (Sensors::Force, 0.01_f64.hypot(0.02).hypot(0.012)),
+            (Sensors::Acceleration, 0.013),
+            (Sensors::Both, 0.01_f64.hypot(0.02).hypot(0.005)),
         ] {
-            assert!((of(sensors) - squares.sqrt()).abs() < 1e-9, "{sensors:?}");
+            assert!((of(sensors) - expected).abs() < 1e-9, "{sensors:?}");
         }
         let mut unknown = wanted(Sensors::Acceleration);
         unknown.stated.as_mut().unwrap().supply = None;
@@ -240,35 +234,25 @@ mod tests {
 
     #[test]
     fn a_flag_leaves_out_the_strike_of_the_signal_that_it_spoils_unless_doubts_are_wanted() {
-        for (flags, sensors, why) in [
-            (
-                Flags::ACCELERATION_RAILED,
-                Sensors::Acceleration,
-                Some("acceleration_railed"),
-            ),
-            (Flags::ACCELERATION_RAILED, Sensors::Force, None),
-            (
-                Flags::ACCELERATION_RAILED,
-                Sensors::Both,
-                Some("acceleration_railed"),
-            ),
-            (Flags::FORCE_RAILED, Sensors::Acceleration, None),
-            (Flags::FORCE_RAILED, Sensors::Both, Some("force_railed")),
-            (Flags::WINDOW_CUT, Sensors::Force, Some("window_cut")),
-            (Flags::SENSOR_END, Sensors::Force, Some("sensor_end")),
-            (Flags::MODEL_DIFFERS, Sensors::Both, None),
+        for (flags, sensors, is_spoiled) in [
+            (Flags::ACCELERATION_RAILED, Sensors::Acceleration, true),
+            (Flags::ACCELERATION_RAILED, Sensors::Force, false),
+            (Flags::ACCELERATION_RAILED, Sensors::Both, true),
+            (Flags::FORCE_RAILED, Sensors::Acceleration, false),
+            (Flags::FORCE_RAILED, Sensors::Both, true),
+            (Flags::WINDOW_CUT, Sensors::Force, true),
+            (Flags::SENSOR_END, Sensors::Force, true),
+            (Flags::MODEL_DIFFERS, Sensors::Both, false),
         ] {
-            let found = signal(flags, wanted(sensors));
-            match why {
-                Some(why) => assert_eq!(found.unwrap_err(), format!("it is flagged: {why}")),
-                None => assert!(found.is_ok(), "{found:?}"),
-            }
+            let name = flags.names().next().unwrap();
+            let why = signal(flags, wanted(sensors)).err();
+            assert_eq!(why, is_spoiled.then(|| format!("it is flagged: {name}")));
             let doubtful = SignalsWanted {
                 doubtful: true,
                 ..wanted(sensors)
             };
             let found = signal(flags, doubtful).unwrap();
-            assert_eq!(found.gain_uncertainty.is_none(), why.is_some(), "{flags:?}");
+            assert_eq!(found.gain_uncertainty.is_none(), is_spoiled, "{flags:?}");
         }
     }
 

@@ -16,29 +16,25 @@ pub fn columns(kind: Kind) -> Vec<Column> {
         Column::new("uid", CellKind::Text),
         Column::new("strike", CellKind::Whole),
     ];
-    let mut number = |name: String| columns.push(Column::new(name, CellKind::Number));
-    number("frequency_hz".to_owned());
+    let mut number = |name: &str| columns.push(Column::new(name, CellKind::Number));
+    number("frequency_hz");
     match kind {
         Kind::Shock { .. } => {
             for (response, unit) in ResponseKind::ALL.into_iter().zip(["mps2", "mps", "m"]) {
                 for value in VALUES {
-                    number(format!("{}_{value}_{unit}", response.name()));
+                    number(&format!("{}_{value}_{unit}", response.name()));
                 }
             }
         }
-        Kind::Density {
-            of: Sensors::Force, ..
-        } => number("force_density_n2_per_hz".to_owned()),
-        Kind::Density { .. } => number("acceleration_density_m2_per_s4_hz".to_owned()),
-        Kind::Fourier { of: Sensors::Force } => ["force_n_s", "phase_rad"]
-            .into_iter()
-            .for_each(|name| number(name.to_owned())),
-        Kind::Fourier { .. } => ["acceleration_mps", "phase_rad"]
-            .into_iter()
-            .for_each(|name| number(name.to_owned())),
+        Kind::Density { of, .. } => number(match of {
+            Sensors::Force => "force_density_n2_per_hz",
+            _ => "acceleration_density_m2_per_s4_hz",
+        }),
+        Kind::Fourier { of: Sensors::Force } => ["force_n_s", "phase_rad"].into_iter().for_each(number),
+        Kind::Fourier { .. } => ["acceleration_mps", "phase_rad"].into_iter().for_each(number),
         Kind::Transfer => ["acceleration_of_force_per_kg", "phase_rad"]
             .into_iter()
-            .for_each(|name| number(name.to_owned())),
+            .for_each(number),
     }
     columns
 }
@@ -69,7 +65,7 @@ pub fn rows(
             let polar = |value: Complex64| [value.norm(), value.arg()].map(finite);
             match spectrum {
                 StrikeSpectrum::Shock(responses) => {
-                    let values = ResponseKind::ALL.map(|of| responses[place].peaks(of).values());
+                    let values = ResponseKind::ALL.map(|of| responses[place].values(of));
                     row.extend(values.into_iter().flatten().map(Cell::Number));
                 }
                 StrikeSpectrum::Density(values) => row.push(Cell::Number(values[place])),
