@@ -7,13 +7,13 @@
 
 use chrono::{DateTime, NaiveDate, NaiveDateTime, SecondsFormat, Utc};
 use schemars::JsonSchema;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Receive times before this, 2000-01-01, count from a power-up, ns since 1970.
 const REAL_FROM: i64 = 946_684_800_000_000_000;
 
 /// The source of the date of a recording.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum DateSource {
     /// Its note `date`.
@@ -27,8 +27,6 @@ pub enum DateSource {
 }
 
 impl DateSource {
-    const ALL: [Self; 4] = [Self::Note, Self::Received, Self::Started, Self::File];
-
     /// Its name in a table, as in JSON.
     pub fn name(self) -> &'static str {
         match self {
@@ -37,11 +35,6 @@ impl DateSource {
             Self::Started => "started",
             Self::File => "file",
         }
-    }
-
-    /// The source of this name.
-    pub fn named(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|source| source.name() == name)
     }
 }
 

@@ -35,15 +35,10 @@ const NAMED_MOST: usize = 5;
 
 /// A folder cannot be read.
 #[derive(Debug, thiserror::Error)]
-pub enum LogbookError {
-    /// The system refused.
-    #[error("cannot read the folder {folder}: {source}; give a folder with recordings")]
-    Folder {
-        /// The folder.
-        folder: PathBuf,
-        /// The error of the system.
-        source: io::Error,
-    },
+#[error("cannot read the folder {folder}: {source}; give a folder with recordings")]
+pub struct LogbookError {
+    folder: PathBuf,
+    source: io::Error,
 }
 
 /// The recordings of a folder.
@@ -81,7 +76,7 @@ impl Logbook {
         progress: impl Fn(usize, usize) + Sync,
     ) -> Result<Self, LogbookError> {
         let mut remarks = Vec::new();
-        let files = found(folder, &mut remarks).map_err(|source| LogbookError::Folder {
+        let files = found(folder, &mut remarks).map_err(|source| LogbookError {
             folder: folder.to_owned(),
             source,
         })?;

@@ -1,14 +1,12 @@
 //! Trends as a picture: a panel for each quantity of each bead over days.
 
 use bead_tables::printable::one_line;
+use bead_tables::unit::Unit;
 use hertz_charts::{Axis, Chart, Ink, Mark, Panel, Series, WIDTH};
 
 use crate::date::{DAY_NS, day, text};
 use crate::quantity::Quantity;
 use crate::trend::{BeadTrend, QuantityTrend, TrendPoint};
-
-/// Prefixes of units, from the greatest.
-const PREFIXES: [(&str, f64); 5] = [("", 1.0), ("m", 1e3), ("µ", 1e6), ("n", 1e9), ("p", 1e12)];
 
 /// The trends of beads, one below the other, over days from the first.
 pub fn chart(beads: &[BeadTrend]) -> Chart {
@@ -66,16 +64,11 @@ fn panel(trend: &QuantityTrend, days: &impl Fn(&TrendPoint) -> f64, from: f64, t
         .iter()
         .map(|point| point.value.abs())
         .fold(0.0, f64::max);
-    let (prefix, scale) = scale(quantity, greatest);
+    let (unit, scale) = unit(quantity, greatest);
     let name = match quantity {
         Quantity::ForceGains => "force gains",
         Quantity::AccelerationGains => "acceleration gains",
         other => other.title(),
-    };
-    let unit = match (quantity.unit(), scale == 100.0) {
-        (_, true) => "%".to_owned(),
-        ("", _) => String::new(),
-        (unit, _) => format!("{prefix}{unit}"),
     };
     let label = if unit.is_empty() {
         name.to_owned()
@@ -162,14 +155,15 @@ fn three_digits(value: f64) -> String {
     format!("{value:.digits$}")
 }
 
-/// The prefix of a quantity's unit, and the factor that it means.
-fn scale(quantity: Quantity, greatest: f64) -> (&'static str, f64) {
-    match quantity {
-        Quantity::ForceGains | Quantity::AccelerationGains => ("", 100.0),
-        Quantity::Measured | Quantity::Predicted => {
-            let fits = |(_, scale): &&(&str, f64)| greatest * scale >= 1.0;
-            *PREFIXES.iter().find(fits).unwrap_or(&PREFIXES[0])
+/// The unit of a quantity with values up to `greatest`, with the prefix that energies need, and the factor
+/// to it.
+fn unit(quantity: Quantity, greatest: f64) -> (String, f64) {
+    match (quantity, Unit::of_symbol(quantity.unit())) {
+        (Quantity::ForceGains | Quantity::AccelerationGains, _) => ("%".to_owned(), 100.0),
+        (Quantity::Measured | Quantity::Predicted, Some(unit)) => {
+            let (symbol, size) = unit.prefixed(greatest);
+            (symbol, 1.0 / size)
         }
-        _ => ("", 1.0),
+        _ => (quantity.unit().to_owned(), 1.0),
     }
 }

@@ -36,43 +36,33 @@ impl Quantity {
         Self::Clock,
     ];
 
+    /// Name, title and unit.
+    fn words(self) -> [&'static str; 3] {
+        match self {
+            Self::Measured => ["absorbed_measured", "A, measured", "J"],
+            Self::Predicted => ["absorbed_predicted", "B, predicted", "J"],
+            Self::Ratio => ["ratio", "A/B", ""],
+            Self::PeakForce => ["peak_force", "peak force", "N"],
+            Self::RingFrequency => ["ring_frequency", "ring frequency", "Hz"],
+            Self::ForceGains => ["force_gains", "force, low over high gain", ""],
+            Self::AccelerationGains => ["acceleration_gains", "acceleration, low over high gain", ""],
+            Self::Clock => ["clock", "clock", "ppm"],
+        }
+    }
+
     /// Its name on a command line and in JSON.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Measured => "absorbed_measured",
-            Self::Predicted => "absorbed_predicted",
-            Self::Ratio => "ratio",
-            Self::PeakForce => "peak_force",
-            Self::RingFrequency => "ring_frequency",
-            Self::ForceGains => "force_gains",
-            Self::AccelerationGains => "acceleration_gains",
-            Self::Clock => "clock",
-        }
+        self.words()[0]
     }
 
     /// Its name for people.
     pub fn title(self) -> &'static str {
-        match self {
-            Self::Measured => "A, measured",
-            Self::Predicted => "B, predicted",
-            Self::Ratio => "A/B",
-            Self::PeakForce => "peak force",
-            Self::RingFrequency => "ring frequency",
-            Self::ForceGains => "force, low over high gain",
-            Self::AccelerationGains => "acceleration, low over high gain",
-            Self::Clock => "clock",
-        }
+        self.words()[1]
     }
 
     /// Its unit in JSON; empty for a ratio.
     pub fn unit(self) -> &'static str {
-        match self {
-            Self::Measured | Self::Predicted => "J",
-            Self::Ratio | Self::ForceGains | Self::AccelerationGains => "",
-            Self::PeakForce => "N",
-            Self::RingFrequency => "Hz",
-            Self::Clock => "ppm",
-        }
+        self.words()[2]
     }
 
     /// Its value and standard uncertainty of a strike; the latter is `None` where it is unknown.

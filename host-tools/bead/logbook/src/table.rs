@@ -175,7 +175,7 @@ impl Row {
         };
         let (problem, incomplete) = (self.known(), self.known());
         let (unix_ns, source) = (self.whole()?, self.text()?);
-        let source = DateSource::named(&source)?;
+        let source: DateSource = serde_json::from_value((&*source).into()).ok()?;
         let (from, notes, beads) = (self.known()?, self.text()?, self.text()?);
         let notes: BTreeMap<String, String> = serde_json::from_str(&notes).ok()?;
         let beads = beads.split_whitespace().map(str::parse);
