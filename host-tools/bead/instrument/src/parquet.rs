@@ -107,54 +107,48 @@ mod tests {
     use std::sync::Arc;
 
     use parquet::data_type::{DataType, DoubleType, FloatType, Int32Type, Int64Type};
-    use parquet::file::writer::SerializedFileWriter;
+    use parquet::file::writer::{SerializedFileWriter, SerializedRowGroupWriter};
     use parquet::schema::parser::parse_message_type;
 
     use super::*;
+    use crate::testing;
     use bead_tables::{Column, Writer};
 
-    fn refusal(path: &Path) -> String {
-        Waveform::read(path, &Choice::default(), None)
-            .unwrap_err()
-            .to_string()
+    fn write<T: DataType>(group: &mut SerializedRowGroupWriter<'_, File>, values: &[T::T]) {
+        let mut column = group.next_column().unwrap().unwrap();
+        column.typed::<T>().write_batch(values, None, None).unwrap();
+        column.close().unwrap();
     }
 
-    /// Columns of forty whole numbers, by the schema's types, and then the force: half a newton in row 25.
-    fn table<T: DataType>(path: &Path, columns: &str, value: impl Fn(usize) -> T::T) {
-        let schema = format!("message table {{ {columns} REQUIRED DOUBLE force_n; }}");
+    /// Reads a file with a column of forty values, by the schema's type, and one of force: half a newton in
+    /// row 25.
+    fn table<T: DataType>(
+        column: &str,
+        value: impl Fn(usize) -> T::T,
+        choice: &Choice,
+    ) -> Result<Waveform, String> {
+        let schema = format!("message table {{ {column} REQUIRED DOUBLE force_n; }}");
         let schema = Arc::new(parse_message_type(&schema).unwrap());
-        let mut writer =
-            SerializedFileWriter::new(File::create(path).unwrap(), schema, Arc::default()).unwrap();
+        let file = tempfile::NamedTempFile::new().unwrap();
+        let mut writer = SerializedFileWriter::new(file.reopen().unwrap(), schema, Arc::default()).unwrap();
         let mut group = writer.next_row_group().unwrap();
-        let mut column = group.next_column().unwrap().unwrap();
-        let values: Vec<T::T> = (0..40).map(value).collect();
-        column.typed::<T>().write_batch(&values, None, None).unwrap();
-        column.close().unwrap();
-        let mut column = group.next_column().unwrap().unwrap();
-        let force: Vec<f64> = (0..40).map(|row| if row == 25 { 0.5 } else { 0.0 }).collect();
-        column
-            .typed::<DoubleType>()
-            .write_batch(&force, None, None)
-            .unwrap();
-        column.close().unwrap();
+        write::<T>(&mut group, &Vec::from_iter((0..40).map(value)));
+        let force = (0..40).map(|row| if row == 25 { 0.5 } else { 0.0 });
+        write::<DoubleType>(&mut group, &Vec::from_iter(force));
         group.close().unwrap();
         writer.close().unwrap();
+        testing::read(std::fs::read(file.path()).unwrap(), choice)
     }
 
-    /// Writes such a table. Gives the time of the highest force after the first row, and that of the first
-    /// row, s.
-    fn times<T: DataType>(columns: &str, value: impl Fn(usize) -> T::T) -> (f64, f64) {
-        let file = tempfile::NamedTempFile::new().unwrap();
-        table::<T>(file.path(), columns, value);
-        let waveform = Waveform::read(file.path(), &Choice::default(), None).unwrap();
+    /// The time of the highest force after the first row, and that of the first row, s.
+    fn times<T: DataType>(column: &str, value: impl Fn(usize) -> T::T) -> (f64, f64) {
+        let waveform = table::<T>(column, value, &Choice::default()).unwrap();
         (waveform.force.unwrap().highest().0, waveform.start)
     }
 
     /// The refusal of such a table.
-    fn refused<T: DataType>(columns: &str, value: impl Fn(usize) -> T::T) -> String {
-        let file = tempfile::NamedTempFile::new().unwrap();
-        table::<T>(file.path(), columns, value);
-        refusal(file.path())
+    fn refused<T: DataType>(column: &str, value: impl Fn(usize) -> T::T) -> String {
+        table::<T>(column, value, &Choice::default()).unwrap_err()
     }
 
     fn is_near(found: f64, expected: f64, within: f64) {
@@ -178,15 +172,14 @@ mod tests {
         is_near(top, 1250e-6, 1e-12);
         is_near(start, f64::from(before) * 1e-6, 1e-6);
         // Of a force, nothing is taken off.
-        let file = tempfile::NamedTempFile::new().unwrap();
         let column = "REQUIRED INT32 kraft (DECIMAL(9,2));";
-        table::<Int32Type>(file.path(), column, |row| 7 + i32::from(row == 25) * 150);
         let choice = Choice {
             rate_hz: Some(1e3),
             force: "kraft:N".parse().ok(),
             ..Choice::default()
         };
-        let waveform = Waveform::read(file.path(), &choice, None).unwrap();
+        let kraft = |row| 7 + i32::from(row == 25) * 150;
+        let waveform = table::<Int32Type>(column, kraft, &choice).unwrap();
         is_near(waveform.force.unwrap().highest().1, 1.5, 1e-12);
         let remark = &waveform.remarks[1];
         assert!(remark.contains("begins at 0.0700 N"), "{remark}");
@@ -233,29 +226,28 @@ mod tests {
         }
     }
 
-    /// A frame as polars writes it: times as whole microseconds, forces as 32-bit floats, one of them null.
     #[test]
     fn floats_are_read_and_a_null_and_a_cut_file_are_refused() {
         let (top, _) = times::<FloatType>("REQUIRED FLOAT time_ms;", |row| 0.05 * row as f32);
         is_near(top, 25.0 * 50e-6, 1e-9);
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("frame.parquet");
+        let file = tempfile::NamedTempFile::new().unwrap();
         let columns = [("time_s", CellKind::Number), ("force_n", CellKind::Number)];
         let columns = columns.map(|(name, kind)| Column::new(name, kind));
-        let mut file = File::create(&path).unwrap();
-        let mut writer = Writer::parquet(&mut file, "frame", &columns, &[]).unwrap();
+        let mut out = file.reopen().unwrap();
+        let mut writer = Writer::parquet(&mut out, "frame", &columns, &[]).unwrap();
         for row in 0..40 {
             let force = (row != 30).then_some(0.0);
             let cells = vec![Cell::Number(f64::from(row)), Cell::number(force)];
             writer.push(cells).unwrap();
         }
         writer.finish().unwrap();
-        let error = refusal(&path);
-        assert!(error.contains("row 31 has no number for the force"), "{error}");
-        let whole = std::fs::read(&path).unwrap();
-        std::fs::write(&path, &whole[..whole.len() - 20]).unwrap();
-        let error = refusal(&path);
-        assert!(error.contains("or a damaged one"), "{error}");
-        assert_eq!(error.lines().count(), 1);
+        let whole = std::fs::read(file.path()).unwrap();
+        for (bytes, part) in [
+            (&whole[..], "row 31 has no number for the force"),
+            (&whole[..whole.len() - 20], "or a damaged one"),
+        ] {
+            let error = testing::read(bytes, &Choice::default()).unwrap_err();
+            assert!(error.contains(part) && error.lines().count() == 1, "{error}");
+        }
     }
 }

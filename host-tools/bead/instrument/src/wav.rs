@@ -102,10 +102,11 @@ mod tests {
         [&[22, 0, bits, 0, 4, 0, 0, 0], &pcm[..]].concat()
     }
 
-    /// A pulse of half of full scale at sample 100 of 200, as floats or as whole numbers of `bytes` bytes.
+    /// A pulse of half of full scale at sample 100 of 200, from below zero to above it, as floats or as whole
+    /// numbers of `bytes` bytes.
     fn samples(tag: u16, bytes: usize) -> Vec<u8> {
         let sample = |n: i32| {
-            let value = 0.5 * (-(f64::from(n - 100) / 20.0).powi(2)).exp();
+            let value = 0.5 * (-(f64::from(n - 100) / 20.0).powi(2)).exp() - 0.25;
             if tag == FLOAT {
                 return (value as f32).to_le_bytes();
             }
@@ -150,7 +151,7 @@ mod tests {
             (EXTENSIBLE, 2, 16, &valid(16)),
         ] {
             let (form, samples) = (form(tag, bytes, bits, more), samples(tag, bytes.into()));
-            // The pulse begins at 0.0002 N, which is taken for its zero.
+            // The pulse begins 0.0002 N above its foot, and that is taken for its zero.
             let step = (500.0 / 2_f64.powi(8 * i32::from(bytes) - 1)).max(3e-4);
             is_the_pulse(&[chunk(b"fmt ", &form), chunk(b"data", &samples)], step);
         }

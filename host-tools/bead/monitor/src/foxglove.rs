@@ -48,13 +48,11 @@ impl<'a> StrikeMessage<'a> {
     }
 }
 
-/// The last message of each channel, by topic, with its time in ns since 1970.
-type Last = Mutex<BTreeMap<String, (Vec<u8>, u64)>>;
-
 /// Sends the last message of a channel to who subscribes to it.
 struct Greeter {
     context: Arc<Context>,
-    last: Arc<Last>,
+    /// The last message of each channel, by topic, with its time in ns since 1970.
+    last: Mutex<BTreeMap<String, (Vec<u8>, u64)>>,
 }
 
 impl ServerListener for Greeter {
@@ -69,8 +67,7 @@ impl ServerListener for Greeter {
 
 /// A server of channels.
 pub struct FoxgloveServer {
-    context: Arc<Context>,
-    last: Arc<Last>,
+    greeter: Arc<Greeter>,
     handle: WebSocketServerHandle,
 }
 
@@ -80,19 +77,14 @@ impl FoxgloveServer {
     /// # Errors
     /// The address is another computer's or the port is taken.
     pub fn open(at: SocketAddr) -> Result<Self, FoxgloveError> {
-        let (context, last) = (Context::new(), Arc::<Last>::default());
-        let greeter = Greeter {
-            context: Arc::clone(&context),
-            last: Arc::clone(&last),
-        };
-        let server = context.websocket_server().name("bead monitor");
+        let greeter = Arc::new(Greeter {
+            context: Context::new(),
+            last: Mutex::default(),
+        });
+        let server = greeter.context.websocket_server().name("bead monitor");
         let server = server.bind(at.ip().to_string(), at.port());
-        let handle = server.listener(Arc::new(greeter)).start_blocking()?;
-        Ok(Self {
-            context,
-            last,
-            handle,
-        })
+        let handle = server.listener(greeter.clone()).start_blocking()?;
+        Ok(Self { greeter, handle })
     }
 
     /// The port at which it listens.
@@ -120,7 +112,7 @@ impl FoxgloveServer {
             if let (Ok(message), Ok(channel)) = (message, self.channel(&topic, schema)) {
                 let time = (news.time() * 1e9) as u64;
                 channel.log_with_meta(&message, PartialMetadata::with_log_time(time));
-                let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
+                let mut last = self.greeter.last.lock().unwrap_or_else(PoisonError::into_inner);
                 last.insert(topic, (message, time));
             }
         });
@@ -129,10 +121,11 @@ impl FoxgloveServer {
 
     /// The channel of a topic.
     fn channel(&self, topic: &str, schema: Schema) -> Result<Arc<RawChannel>, FoxgloveError> {
-        if let Some(channel) = self.context.get_channel_by_topic(topic) {
+        let context = &self.greeter.context;
+        if let Some(channel) = context.get_channel_by_topic(topic) {
             return Ok(channel);
         }
-        let builder = self.context.channel_builder(topic);
+        let builder = context.channel_builder(topic);
         builder.message_encoding("json").schema(schema).build_raw()
     }
 }
