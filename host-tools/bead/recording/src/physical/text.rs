@@ -194,11 +194,11 @@ fn kind(key: SettingKey) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use bead_model::design::{Bead, Day, FrontEnd, Relative, Supply, Surroundings, Uncertainty};
+    use bead_model::design::{Day, Relative, Supply, Uncertainty};
     use bead_model::name::Name;
+    use bead_testing::paper_settings;
 
     fn paper() -> Description {
-        let (bead, front_end) = (Bead::paper(), FrontEnd::reference());
         let half = Some(Relative::new(0.005));
         let uncertainty = Uncertainty {
             calibration: Name::new("shaker 17").unwrap(),
@@ -217,12 +217,7 @@ mod tests {
             name: Name::new("left").unwrap(),
             address: 3,
             supply: Some(Supply { voltage: 3.2985 }),
-            ..Description::new(
-                &bead,
-                &Surroundings::default(),
-                &front_end,
-                &Capture::of(&bead, &front_end),
-            )
+            ..*paper_settings().description()
         }
     }
 
