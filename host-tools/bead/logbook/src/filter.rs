@@ -150,7 +150,9 @@ mod tests {
             ("Operator".into(), "Ana Lima".into()),
             ("verdict".into(), "fail".into()),
         ]);
-        let note = |text: &str| vec![text.parse::<NotePattern>().unwrap()];
+        fn note(text: &str) -> Vec<NotePattern> {
+            vec![text.parse().unwrap()]
+        }
         let all = Filter {
             notes: note("operator=ana*"),
             since_ns: parse("2026-11-28"),
@@ -160,36 +162,18 @@ mod tests {
             verdict: Some("fail".to_owned()),
         };
         assert!(all.takes(&one));
-        for wrong in [
-            Filter {
-                notes: note("operator=Ana"),
-                ..all.clone()
-            },
-            Filter {
-                notes: note("specimen"),
-                ..all.clone()
-            },
-            Filter {
-                since_ns: parse("2026-11-29"),
-                ..all.clone()
-            },
-            Filter {
-                before_ns: parse("2026-11-28"),
-                ..all.clone()
-            },
-            Filter {
-                beads: Some(BTreeSet::from([9])),
-                ..all.clone()
-            },
-            Filter {
-                flags: vec!["wave_train".to_owned()],
-                ..all.clone()
-            },
-            Filter {
-                verdict: Some(NO_VERDICT.to_owned()),
-                ..all.clone()
-            },
-        ] {
+        let changes: [fn(&mut Filter); 7] = [
+            |filter| filter.notes = note("operator=Ana"),
+            |filter| filter.notes = note("specimen"),
+            |filter| filter.since_ns = parse("2026-11-29"),
+            |filter| filter.before_ns = parse("2026-11-28"),
+            |filter| filter.beads = Some(BTreeSet::from([9])),
+            |filter| filter.flags = vec!["wave_train".to_owned()],
+            |filter| filter.verdict = Some(NO_VERDICT.to_owned()),
+        ];
+        for change in changes {
+            let mut wrong = all.clone();
+            change(&mut wrong);
             assert!(!wrong.takes(&one), "{wrong:?}");
         }
         one.problem = Some("is no recording".to_owned());

@@ -161,7 +161,7 @@ fn unit(quantity: Quantity, greatest: f64) -> (String, f64) {
     match (quantity, Unit::of_symbol(quantity.unit())) {
         (Quantity::ForceGains | Quantity::AccelerationGains, _) => ("%".to_owned(), 100.0),
         (Quantity::Measured | Quantity::Predicted, Some(unit)) => {
-            let (symbol, size) = unit.prefixed(greatest);
+            let (symbol, size) = unit.prefixed(greatest.min(1.0));
             (symbol, 1.0 / size)
         }
         _ => (quantity.unit().to_owned(), 1.0),
