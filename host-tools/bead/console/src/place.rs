@@ -190,70 +190,61 @@ pub fn make_directory(directory: &Path) -> Result<(), Failure> {
 }
 
 fn allowed(path: &Path, kind: FileKind, inputs: &[&Path], overwrite: Overwrite) -> Result<Target, Failure> {
-    let shown = path.display();
-    if path == Path::new(STANDARD_OUTPUT) {
-        if kind == FileKind::Recording {
-            bail!(
-                Input,
-                "a recording goes to a file; give the output a name in place of -"
-            );
-        }
-        if output::take_standard_output() {
-            return Ok(Target::standard_output());
-        }
+    if path != Path::new(STANDARD_OUTPUT) {
+        let refused = |why| failure!(Input, "{} {why}", path.display());
+        return file(path, kind, inputs, overwrite).map_err(refused);
+    }
+    if kind == FileKind::Recording {
         bail!(
             Input,
-            "standard output takes one result; give the others names of files"
+            "a recording goes to a file; give the output a name in place of -"
         );
     }
+    if output::take_standard_output() {
+        return Ok(Target::standard_output());
+    }
+    bail!(
+        Input,
+        "standard output takes one result; give the others names of files"
+    )
+}
+
+/// The file at `path`, or the reason why it takes no result of `kind`.
+fn file(path: &Path, kind: FileKind, inputs: &[&Path], overwrite: Overwrite) -> Result<Target, String> {
     let same = |one: &Path, other: &Path| {
         fs::canonicalize(one).is_ok_and(|one| fs::canonicalize(other).is_ok_and(|other| one == other))
     };
+    let refused = |why: &str| Err(why.to_owned());
     if path.file_name().is_none() {
-        bail!(Input, "{shown} is no name of a file; give the output one");
+        return refused("is no name of a file; give the output one");
     }
     if inputs.iter().any(|input| same(path, input)) {
-        bail!(
-            Input,
-            "{shown} is an input of this command and would be lost; give the output another name"
-        );
+        return refused("is an input of this command and would be lost; give the output another name");
     }
     if fs::symlink_metadata(path).is_err() {
         return Ok(Target::new(path));
     }
     let Ok(found) = fs::metadata(path) else {
-        bail!(
-            Input,
-            "{shown} is a link that leads nowhere; remove it, or give the output another name"
-        );
+        return refused("is a link that leads nowhere; remove it, or give the output another name");
     };
     if found.is_dir() {
-        bail!(Input, "{shown} is a directory; give the output a file's name");
+        return refused("is a directory; give the output a file's name");
     }
     if !found.is_file() {
-        bail!(
-            Input,
-            "{shown} is a device, a pipe or a socket, and a result goes to a file; give the output another name"
-        );
+        let what = "is a device, a pipe or a socket, and a result goes to a file";
+        return Err(format!("{what}; give the output another name"));
     }
     if let Some(other) = FileKind::of(path).filter(|other| *other != kind) {
         let (other, new) = (other.name(), kind.name());
-        bail!(
-            Input,
-            "{shown} is {other}, and {new} would take its place; give the output another name"
-        );
+        return Err(format!(
+            "is {other}, and {new} would take its place; give the output another name"
+        ));
     }
     if !overwrite.overwrite {
-        bail!(
-            Input,
-            "{shown} is there already; give another name, or --overwrite to replace it"
-        );
+        return refused("is there already; give another name, or --overwrite to replace it");
     }
     if found.permissions().readonly() {
-        bail!(
-            Input,
-            "{shown} may not be written to; give the output another name"
-        );
+        return refused("may not be written to; give the output another name");
     }
     // A link stays, and what it leads to is replaced.
     let path = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
