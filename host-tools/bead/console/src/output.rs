@@ -2,6 +2,7 @@
 
 use std::fmt;
 use std::io::{self, IsTerminal, Write};
+use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
@@ -141,6 +142,23 @@ pub fn rows<N: Into<String>>(rows: impl IntoIterator<Item = (N, String)>) -> Str
 /// `yes` if something holds, else `no`: for the cells of a table.
 pub fn either(holds: bool, yes: &str, no: &str) -> String {
     (if holds { yes } else { no }).to_owned()
+}
+
+/// A number with this many significant digits and U+2212 for minus. Powers of ten outside of `plain` are written
+/// with an exponent.
+pub fn significant(value: f64, digits: i32, plain: Range<i32>) -> String {
+    let decade = if value == 0.0 {
+        0
+    } else {
+        value.abs().log10().floor() as i32
+    };
+    let decimals = |count: i32| count.max(0) as usize;
+    let text = if plain.contains(&decade) {
+        format!("{value:.*}", decimals(digits - 1 - decade))
+    } else {
+        format!("{value:.*e}", decimals(digits - 1))
+    };
+    text.replace('-', "−")
 }
 
 /// A spinner on standard error that names the step under way; silent when standard error is not a terminal.

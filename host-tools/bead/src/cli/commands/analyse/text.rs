@@ -5,9 +5,6 @@ use bead_compare::report::{DASH, count};
 use bead_console::output;
 use bead_spectra::bead::{BeadSpectrum, Points, SpectrumPoint, TransferPoint};
 
-/// Values shown with this many digits.
-const DIGITS: i32 = 4;
-
 /// The tables of all beads, each below its heading.
 pub(super) fn text(report: &AnalyseReport) -> String {
     let of_bead = |bead: &BeadSpectrum| {
@@ -31,16 +28,7 @@ pub(super) fn text(report: &AnalyseReport) -> String {
 
 /// A number with four digits.
 fn number(value: f64) -> String {
-    let decade = if value == 0.0 {
-        0
-    } else {
-        value.abs().log10().floor() as i32
-    };
-    if !(-4..6).contains(&decade) {
-        return format!("{value:.*e}", DIGITS as usize - 1).replace('-', "−");
-    }
-    let digits = (DIGITS - 1 - decade).max(0) as usize;
-    format!("{value:.digits$}").replace('-', "−")
+    output::significant(value, 4, -4..6)
 }
 
 fn or_dash(value: Option<f64>) -> String {

@@ -16,16 +16,7 @@ pub(super) fn text(report: &IdentifyReport) -> String {
 
 /// A number with `digits` significant digits.
 fn number(value: f64, digits: i32) -> String {
-    let decade = if value == 0.0 {
-        0
-    } else {
-        value.abs().log10().floor() as i32
-    };
-    if !(-3..7).contains(&decade) {
-        return format!("{value:.*e}", (digits - 1).max(0) as usize).replace('-', "−");
-    }
-    let places = (digits - 1 - decade).max(0) as usize;
-    format!("{value:.places$}").replace('-', "−")
+    output::significant(value, digits, -3..7)
 }
 
 fn percent(part: Option<f64>) -> String {
