@@ -83,9 +83,6 @@ impl StrikeChoice {
 
     /// Refuses a bead of which no strike is there, and strikes of which none is; names single ones that are
     /// not.
-    ///
-    /// # Errors
-    /// See above.
     pub(crate) fn check<T>(&self, beads: &[GatheredBead<T>]) -> Result<(), Failure> {
         let addresses: Vec<u8> = beads.iter().map(|bead| bead.address).collect();
         if let Some(bead) = self.bead.filter(|bead| !addresses.contains(bead)) {

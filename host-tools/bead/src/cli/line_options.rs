@@ -40,32 +40,21 @@ impl LineOptions {
     }
 
     pub(crate) fn open(&self) -> Result<Conversation, Failure> {
-        open(
-            &self.port,
-            self.baud,
-            self.address,
-            self.timeout,
-            self.key.as_deref(),
-        )
-    }
-
-    /// Opens a line that other options name, with the usual time-out.
-    pub(crate) fn at(
-        port: &Address,
-        baud: u32,
-        address: Option<u8>,
-        key: Option<&Path>,
-    ) -> Result<Conversation, Failure> {
-        open(port, baud, address, Duration::from_secs(1), key)
+        let key = self.key.as_deref();
+        open(&self.port, self.baud, self.address, key, self.timeout)
     }
 }
 
-fn open(
+/// The usual time-out of a reply.
+pub(crate) const TIMEOUT: Duration = Duration::from_secs(1);
+
+/// Opens the line to a bead.
+pub(crate) fn open(
     port: &Address,
     baud: u32,
     address: Option<u8>,
-    timeout: Duration,
     key: Option<&Path>,
+    timeout: Duration,
 ) -> Result<Conversation, Failure> {
     let key = key.map(key::read).transpose()?;
     let mut bead = Conversation::open(port, baud, address.unwrap_or(ANY), timeout)?;

@@ -8,6 +8,7 @@ mod note_options;
 mod provenance;
 mod recordings;
 pub mod schemas;
+mod table_file;
 mod waveform_options;
 
 use anyhow::Context;

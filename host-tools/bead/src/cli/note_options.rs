@@ -1,11 +1,10 @@
 //! Options of commands that write people's notes.
 
 use std::env;
-use std::time::SystemTime;
 
-use chrono::{DateTime, Utc};
 use clap::Args;
 
+use crate::cli::provenance::now;
 use bead_logbook::date;
 use bead_recording::file::Note;
 
@@ -59,9 +58,8 @@ impl Author {
                 .iter()
                 .find_map(|name| env::var(name).ok())
         };
-        let author = self.by.clone().or_else(user);
-        let now = DateTime::<Utc>::from(SystemTime::now());
-        let notes = notes.into_iter();
-        notes.map(|note| note.signed(author.as_deref(), now)).collect()
+        let (author, now) = (self.by.clone().or_else(user), now());
+        let sign = |note: Note| note.signed(author.as_deref(), now);
+        notes.into_iter().map(sign).collect()
     }
 }

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::PathBuf;
 
 use anyhow::Context;
-use bead_recording::file::Recording;
+use bead_recording::file::{Recording, State, add_notes};
 
 use bead_console::failure::Failure;
 
@@ -17,6 +17,18 @@ pub(crate) fn open_all(paths: &[PathBuf]) -> Result<Vec<Recording>, Failure> {
     each_once(paths)?;
     let open = |path: &PathBuf| Ok(Recording::open_named(path)?);
     paths.iter().map(open).collect()
+}
+
+/// Refuses recordings of which one gets no note, before the first is written.
+///
+/// # Errors
+/// One is cut or damaged.
+pub(crate) fn check_notable(recordings: &[Recording]) -> Result<(), Failure> {
+    if let Some(cut) = recordings.iter().find(|one| one.state != State::Whole) {
+        // It says why, and writes nothing.
+        add_notes(&cut.path, &[])?;
+    }
+    Ok(())
 }
 
 /// Refuses a recording that is given twice.

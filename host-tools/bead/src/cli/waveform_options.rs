@@ -6,7 +6,7 @@ use clap::Args;
 
 use bead_console::failure::Failure;
 use bead_console::output::positive;
-use bead_instrument::{Choice, Wanted, Waveform};
+use bead_instrument::{Choice, Waveform};
 
 /// Option that says what is in a file with a waveform.
 #[derive(Debug, Args)]
@@ -17,34 +17,31 @@ pub(crate) struct WaveformOptions {
     /// a unit; or rate=HZ: rows a second. strike=N: which strike of a recording, or of a table that `bead
     /// export` wrote, counted from 0 [default: the columns with such units, the first of time, strike 0].
     #[arg(long, value_name = "ITEM=VALUE", value_parser = item)]
-    read: Vec<WaveformItem>,
+    read: Vec<String>,
 }
 
-/// An item of `--read`.
-#[derive(Debug, Clone)]
-enum WaveformItem {
-    Time(Wanted),
-    Force(Wanted),
-    Acceleration(Wanted),
-    /// In Hz.
-    Rate(f64),
-    Strike(usize),
+/// Checks an item of `--read`, and returns it as typed.
+fn item(text: &str) -> Result<String, String> {
+    set(&mut Choice::default(), text).map(|_| text.to_owned())
 }
 
-fn item(text: &str) -> Result<WaveformItem, String> {
+/// Takes an item into a choice. True if that had the item already.
+fn set(choice: &mut Choice, text: &str) -> Result<bool, String> {
     let odd = || "give force=, acceleration=, time=, rate= or strike=, as in force=CH1:8.9N".to_owned();
     let (item, value) = text.split_once('=').ok_or_else(odd)?;
-    match item {
-        "time" => value.parse().map(WaveformItem::Time),
-        "force" => value.parse().map(WaveformItem::Force),
-        "acceleration" => value.parse().map(WaveformItem::Acceleration),
-        "rate" => positive(value).map(WaveformItem::Rate),
-        "strike" => match value.parse() {
-            Ok(strike) => Ok(WaveformItem::Strike(strike)),
-            Err(_) => Err("give a whole number, 0 or more".to_owned()),
-        },
-        _ => Err(odd()),
-    }
+    let strike = || {
+        value
+            .parse::<usize>()
+            .map_err(|_| "give a whole number, 0 or more".to_owned())
+    };
+    Ok(match item {
+        "time" => choice.time.replace(value.parse()?).is_some(),
+        "force" => choice.force.replace(value.parse()?).is_some(),
+        "acceleration" => choice.acceleration.replace(value.parse()?).is_some(),
+        "rate" => choice.rate_hz.replace(positive(value)?).is_some(),
+        "strike" => choice.strike.replace(strike()?).is_some(),
+        _ => return Err(odd()),
+    })
 }
 
 impl WaveformOptions {
@@ -64,14 +61,7 @@ impl WaveformOptions {
     pub(crate) fn choice(&self) -> Result<Choice, Failure> {
         let mut choice = Choice::default();
         for item in &self.read {
-            let is_twice = match item.clone() {
-                WaveformItem::Time(column) => choice.time.replace(column).is_some(),
-                WaveformItem::Force(column) => choice.force.replace(column).is_some(),
-                WaveformItem::Acceleration(column) => choice.acceleration.replace(column).is_some(),
-                WaveformItem::Rate(hz) => choice.rate_hz.replace(hz).is_some(),
-                WaveformItem::Strike(strike) => choice.strike.replace(strike).is_some(),
-            };
-            if is_twice {
+            if set(&mut choice, item).map_err(Failure::input)? {
                 bail!(Input, "--read gives an item twice; give each once");
             }
         }

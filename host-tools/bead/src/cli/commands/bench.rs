@@ -3,12 +3,10 @@
 use std::cell::OnceCell;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::SystemTime;
-
-use chrono::{DateTime, Utc};
 
 use crate::cli::commands::prelude::*;
 use crate::cli::line_options::LineOptions;
+use crate::cli::provenance::now;
 use bead_bench::image::{find_image, flash_bytes};
 use bead_bench::loopback::{self, BenchReport, CheckVerdict, Given};
 use bead_line::port::Address;
@@ -78,9 +76,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         resets: !arguments.no_resets,
         flash: &|address, bytes| flash_bytes(&image, address, bytes),
         shares_time: matches!(arguments.line.port(), Address::Serial(_)),
-        date: DateTime::<Utc>::from(SystemTime::now())
-            .format("%Y-%m-%dT%H:%M:%SZ")
-            .to_string(),
+        date: now().format("%Y-%m-%dT%H:%M:%SZ").to_string(),
         stop: &|| stop.get().is_some_and(|stop| stop.load(Ordering::Relaxed)),
     };
     let (report, ended) = loopback::run(&mut bead, &given, |step| {

@@ -1,14 +1,12 @@
 //! `bead budget`: the uncertainty of the energies of a strike.
 
-use std::time::{SystemTime, UNIX_EPOCH};
-
 use bead_model::design::{Day, Uncertainty};
 use bead_wire::StrikeFlags;
 
 use crate::cli::commands::compared::{made, no_strike, publish};
 use crate::cli::commands::prelude::*;
 use crate::cli::commands::settings_file;
-use crate::cli::provenance::sha256_of;
+use crate::cli::provenance::{name_of, sha256_of, today};
 use bead_compare::budget::{BeadRatio, BudgetTables, StrikeBudget, ratios};
 use bead_recording::physical::calibration_doubt;
 
@@ -68,11 +66,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let page = arguments
         .overwrite
         .optional(arguments.page.as_deref(), FileKind::Page, &inputs)?;
-    let stated = arguments
-        .uncertainty
-        .as_deref()
-        .map(settings_file::uncertainty)
-        .transpose()?;
+    let stated = settings_file::uncertainty(arguments.uncertainty.as_deref())?;
     let received = Recording::open_named(&arguments.recording)?;
     let progress = output::spinner("measuring again with each input moved");
     let mut beads = Vec::new();
@@ -114,7 +108,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         None => ("uncertainties", "those in the recording's settings".to_owned()),
     };
     let tables = BudgetTables {
-        recording: &received.path.file_name().unwrap_or_default().to_string_lossy(),
+        recording: &name_of(&received.path),
         budgets: &report.beads,
         ratios: &report.ratios,
         made: &made(page.as_ref(), &received, of_uncertainty)?,
@@ -138,17 +132,11 @@ fn chosen(of_bead: &Recording, number: Option<usize>) -> Result<Option<RecordedS
 
 /// A doubt about the calibration on the day of the strike, or today if that is not known.
 fn doubt(strike: &RecordedStrike, stated: Option<Uncertainty>) -> Option<String> {
-    let now = || {
-        SystemTime::now()
-            .duration_since(UNIX_EPOCH)
-            .unwrap_or_default()
-            .as_secs()
-    };
     // An emulated bead's times are since its power-up.
     let received = strike
         .received_ns
         .and_then(|ns| Day::at((ns / 1_000_000_000) as i64));
-    let day = received.or_else(|| Day::at(now() as i64))?;
+    let day = received.or_else(today)?;
     let mut description = *strike.settings.as_ref()?.description();
     description.uncertainty = stated.or(description.uncertainty);
     calibration_doubt(&description, day)

@@ -12,6 +12,7 @@ use serde_json::{Map, Value};
 
 use crate::cli::commands::prelude::*;
 use crate::cli::line_options::LineOptions;
+use bead_line::conversation::{Answer, LineError};
 use bead_tables::printable::one_line;
 
 const AFTER_HELP: &str = "\
@@ -175,19 +176,21 @@ fn keep(common: &CommandOptions, after: Duration) -> Result<(), Failure> {
 
 fn identity(common: &CommandOptions) -> Result<(), Failure> {
     let answer = common.line.open()?.request_done(&Request::Identity)?;
-    let body = |kind: Kind| {
-        answer.last(&format!("{} frame", kind.name()), |frame| {
-            (frame.message.kind() == kind).then(|| frame.body())
-        })
-    };
-    let mut identity = body(Kind::Identity)?;
+    let mut identity = body(&answer, Kind::Identity)?;
     // A bead of an earlier version sends none.
-    let board = body(Kind::Board).unwrap_or_default();
+    let board = body(&answer, Kind::Board).unwrap_or_default();
     let text = rows([("", &identity), ("board", &board)]);
     if let Value::Object(members) = &mut identity {
         members.insert("board".to_owned(), board);
     }
     output::print(common.format, &identity, || text)
+}
+
+/// The body of the last frame of a kind.
+fn body(answer: &Answer, kind: Kind) -> Result<Value, LineError> {
+    answer.last(&format!("{} frame", kind.name()), |frame| {
+        (frame.message.kind() == kind).then(|| frame.body())
+    })
 }
 
 /// Frames that answer the request `status`, and those that a bead of an earlier version does not send.
@@ -197,17 +200,11 @@ pub(crate) const SENT_LATELY: [Kind; 2] = [Kind::Guard, Kind::Load];
 fn status(common: &CommandOptions) -> Result<(), Failure> {
     let answer = common.line.open()?.request_done(&Request::Status)?;
     let mut bodies = Map::new();
-    for kind in SENT.into_iter().chain(SENT_LATELY) {
-        let what = format!("{} frame", kind.name());
-        let body = answer.last(&what, |frame| {
-            (frame.message.kind() == kind).then(|| frame.body())
-        });
-        let body = if SENT_LATELY.contains(&kind) {
-            body.unwrap_or_default()
-        } else {
-            body?
-        };
-        bodies.insert(kind.name().to_owned(), body);
+    for kind in SENT {
+        bodies.insert(kind.name().to_owned(), body(&answer, kind)?);
+    }
+    for kind in SENT_LATELY {
+        bodies.insert(kind.name().to_owned(), body(&answer, kind).unwrap_or_default());
     }
     output::print(common.format, &bodies, || {
         let rows = rows(bodies.iter().map(|(name, body)| (name.as_str(), body)));

@@ -8,7 +8,7 @@ use crate::cli::commands::compared::{
 };
 use crate::cli::commands::prelude::*;
 use crate::cli::commands::{compare_reference, compare_row};
-use crate::cli::provenance;
+use crate::cli::provenance::{self, name_of};
 use bead_compare::agreement::DECISION_RULE;
 use bead_compare::bead::ComparedBead;
 use bead_compare::emulated::RunTruth;
@@ -119,7 +119,7 @@ fn compare(
     let compared_with = provenance::scenario(&given.text);
     let report = ComparedStrikes {
         title: &scenario.title,
-        recording: &received.path.file_name().unwrap_or_default().to_string_lossy(),
+        recording: &name_of(&received.path),
         bead,
         compared: &compared,
         velocity: fitted.as_ref().map(shown),

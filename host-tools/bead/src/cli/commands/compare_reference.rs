@@ -3,7 +3,7 @@
 use crate::cli::commands::compare_arguments::Arguments;
 use crate::cli::commands::compared::{made, publish};
 use crate::cli::commands::prelude::*;
-use crate::cli::provenance::sha256_of;
+use crate::cli::provenance::{name_of, sha256_of};
 use bead_compare::emulated::RunTruth;
 use bead_compare::reference::{AgainstReference, compare};
 use bead_compare::reference_report::ComparedReference;
@@ -86,15 +86,9 @@ pub(super) fn run(
     if page.is_some() && was_played == Some(true) {
         made.push(("reference", "the waveform that was played to the bead".to_owned()));
     }
-    let name = |path: &Path| {
-        path.file_name()
-            .unwrap_or_default()
-            .to_string_lossy()
-            .into_owned()
-    };
     let compared = ComparedReference {
-        recording: &name(&received.path),
-        reference: &name(reference),
+        recording: &name_of(&received.path),
+        reference: &name_of(reference),
         strike: strike.said.strike,
         against: &against,
         failure: failure.as_deref(),

@@ -5,7 +5,7 @@ use crate::cli::commands::compared::{
     draw, echoes_left_out, figures, made, no_strike, publish, scenario, set_velocity, shown,
 };
 use crate::cli::commands::prelude::*;
-use crate::cli::provenance;
+use crate::cli::provenance::{self, name_of};
 use bead_compare::row::{self, BeadRow, ComparedRow, PlacedBead, RowBead, RowChain, RowComparison, among};
 use bead_compare::sensed::unlike_the_reduced_chain;
 use bead_compare::velocity::FittedVelocity;
@@ -55,7 +55,7 @@ pub(super) fn run(received: &Recording, arguments: &Arguments, page: Option<Targ
         note!("{note}");
     }
     let compared = ComparedRow {
-        recording: &received.path.file_name().unwrap_or_default().to_string_lossy(),
+        recording: &name_of(&received.path),
         row: &row,
         chain: &chain,
         compared: &told,

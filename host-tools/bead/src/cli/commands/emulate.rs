@@ -13,7 +13,7 @@ use crate::cli::commands::emulated::{table, table_of_several};
 use crate::cli::commands::prelude::*;
 use crate::cli::commands::settings_file;
 use crate::cli::note_options::{Author, note};
-use crate::cli::provenance::sha256_of;
+use crate::cli::provenance::{name_of, sha256_of};
 use crate::cli::waveform_options::WaveformOptions;
 use bead_bench::bridge::{self, Bridge, Door, Pace};
 use bead_bench::emulation::{Emulation, Placed, Ran, settings_of};
@@ -387,11 +387,7 @@ impl<'a> BenchOfRun<'a> {
         if let ([one], Some(_)) = (&mut placed[..], arguments.one()) {
             (one.address, one.seed) = (0, noise.then_some(arguments.seed));
         }
-        let stated = arguments
-            .uncertainty
-            .as_deref()
-            .map(settings_file::uncertainty)
-            .transpose()?;
+        let stated = settings_file::uncertainty(arguments.uncertainty.as_deref())?;
         placed.iter_mut().for_each(|one| one.uncertainty = stated);
         if let Some(file) = &arguments.settings {
             let owners = settings_file::decoded(file)?;
@@ -525,9 +521,8 @@ impl Played {
                 ));
             }
         }
-        let name = path.file_name().unwrap_or_default();
         let file = StimulusFile {
-            name: name.to_string_lossy().into_owned(),
+            name: name_of(path),
             sha256: sha256_of(path)?,
             force: waveform.force.is_some(),
             acceleration: waveform.acceleration.is_some(),

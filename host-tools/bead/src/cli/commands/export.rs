@@ -9,10 +9,10 @@ use indicatif::ProgressBar;
 
 use crate::cli::commands::prelude::*;
 use crate::cli::recordings::open_all;
+use crate::cli::table_file::begin;
 use bead_compare::report::count;
 use bead_recording::export::{samples, strikes as strikes_table, uff};
 use bead_recording::file::RecordingError;
-use bead_tables::{Column, Writer};
 
 const AFTER_HELP: &str = "\
 Parquet and CSV are two tables: `strikes` has a row for each strike of each bead, with what the bead said of \
@@ -163,13 +163,9 @@ fn tables(
     samples: &mut File,
     tally: &mut Tally<'_>,
 ) -> anyhow::Result<()> {
-    const NOTES: [(&str, &str); 1] = [("made_by", concat!("bead ", env!("CARGO_PKG_VERSION")))];
-    let table = |file, name, columns: &[Column]| match form {
-        ExportForm::Csv => Writer::csv(file, columns),
-        _ => Writer::parquet(file, name, columns, &NOTES),
-    };
-    let mut strike_table = table(strikes, "strikes", &strikes_table::columns())?;
-    let mut sample_table = table(samples, "samples", &samples::columns())?;
+    let is_csv = form == ExportForm::Csv;
+    let mut strike_table = begin(strikes, is_csv, "strikes", &strikes_table::columns())?;
+    let mut sample_table = begin(samples, is_csv, "samples", &samples::columns())?;
     tally.each(|id, recording, strike| {
         strike_table.push(strikes_table::row(id, recording, strike))?;
         samples::rows(id, recording, strike).try_for_each(|row| sample_table.push(row))?;

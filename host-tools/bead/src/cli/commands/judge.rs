@@ -1,16 +1,14 @@
 //! `bead judge`: strikes against limits of one's own.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::time::SystemTime;
 
-use chrono::{DateTime, Utc};
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 
 use crate::cli::commands::prelude::*;
 use crate::cli::commands::settings_file;
 use crate::cli::note_options::Author;
-use crate::cli::provenance::{command, sha256_of};
-use crate::cli::recordings::open_all;
+use crate::cli::provenance::{command, made_at, made_by, sha256_of};
+use crate::cli::recordings::{check_notable, open_all};
 use bead_compare::report::Fact;
 use bead_limits::file::Limits;
 use bead_limits::judge::judge;
@@ -20,7 +18,7 @@ use bead_limits::report::{report, verdict};
 use bead_limits::rule::Outcome;
 use bead_limits::template::TEMPLATE;
 use bead_limits::words::{sentence, subject};
-use bead_recording::file::{Note, RecordingError, State, add_notes};
+use bead_recording::file::{Note, RecordingError, add_notes};
 
 const AFTER_HELP: &str = "\
 A limit is on the energy that is absorbed, peak force, peak acceleration, A over B, drift, the shock response spectrum, \
@@ -115,8 +113,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         "a file of limits in TOML; `bead judge --template L.toml` makes one",
     )?;
     let limits = Limits::parse(&text, &path.display().to_string())?;
-    let stated = arguments.uncertainty.as_deref();
-    let stated = stated.map(settings_file::uncertainty).transpose()?;
+    let stated = settings_file::uncertainty(arguments.uncertainty.as_deref())?;
     let recordings = open_all(&arguments.recordings)?;
     if arguments.note {
         check_notable(&recordings)?;
@@ -189,18 +186,6 @@ fn judged(
     Ok(judged.into_iter().collect::<Result<_, _>>()?)
 }
 
-/// Refuses `--note` for a recording that gets no note, before the work.
-fn check_notable(recordings: &[Recording]) -> Result<(), Failure> {
-    for recording in recordings
-        .iter()
-        .filter(|recording| recording.state != State::Whole)
-    {
-        // It says why, and writes nothing.
-        add_notes(&recording.path, &[])?;
-    }
-    Ok(())
-}
-
 /// Notes the verdict, and by which limits, in each recording.
 fn note_verdicts(arguments: &Arguments, limits: &Limits, judged: &[JudgedRecording]) -> Result<(), Failure> {
     let file = arguments
@@ -225,13 +210,8 @@ fn note_verdicts(arguments: &Arguments, limits: &Limits, judged: &[JudgedRecordi
 
 /// The origin of the page.
 fn how(arguments: &Arguments, limits: &Path) -> Result<Vec<Fact>, Failure> {
-    let now = DateTime::<Utc>::from(SystemTime::now());
-    let mut facts: Vec<Fact> = vec![
-        ("command", command()),
-        ("made by", concat!("bead ", env!("CARGO_PKG_VERSION")).to_owned()),
-        ("made at", now.format("%Y-%m-%d %H:%M UTC").to_string()),
-        ("limits, SHA-256", sha256_of(limits)?),
-    ];
+    let mut facts = vec![("command", command()), made_by(), made_at()];
+    facts.push(("limits, SHA-256", sha256_of(limits)?));
     for recording in &arguments.recordings {
         facts.push((
             "recording, SHA-256",

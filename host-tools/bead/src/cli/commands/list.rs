@@ -84,32 +84,27 @@ const NOTES_SHOWN: usize = 100;
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let filter = arguments.folder.filter();
     let logbooks = arguments.folder.open()?;
-    let mut report = ListReport {
-        recordings: Vec::new(),
-        of: 0,
-        files_read: 0,
-        foreign: Vec::new(),
-    };
-    let mut wanted = Vec::new();
-    for logbook in &logbooks {
-        report.files_read += logbook.files_read;
-        let foreign = logbook.problems().map(|(file, problem)| ForeignFile {
+    let all = logbooks.iter().flat_map(|logbook| {
+        let all = logbook.recordings.iter().filter(|one| one.problem.is_none());
+        all.map(move |one| (&logbook.folder, one))
+    });
+    let mut wanted: Vec<_> = all.clone().filter(|(_, one)| filter.takes(one)).collect();
+    wanted.sort_by_key(|(_, one)| one.date.unix_ns);
+    let wanted = wanted
+        .into_iter()
+        .map(|(folder, one)| ListedRecording::of(folder, one));
+    let foreign = logbooks.iter().flat_map(|logbook| {
+        logbook.problems().map(move |(file, problem)| ForeignFile {
             file: logbook.folder.join(file),
             problem: problem.to_owned(),
-        });
-        report.foreign.extend(foreign);
-        let all = logbook.recordings.iter().filter(|one| one.problem.is_none());
-        report.of += all.clone().count();
-        wanted.extend(
-            all.filter(|one| filter.takes(one))
-                .map(|one| (&logbook.folder, one)),
-        );
-    }
-    wanted.sort_by_key(|(_, one)| one.date.unix_ns);
-    report.recordings = wanted
-        .into_iter()
-        .map(|(folder, one)| ListedRecording::of(folder, one))
-        .collect();
+        })
+    });
+    let report = ListReport {
+        recordings: wanted.collect(),
+        of: all.count(),
+        files_read: logbooks.iter().map(|logbook| logbook.files_read).sum(),
+        foreign: foreign.collect(),
+    };
     output::print(arguments.format, &report, || report.table())
 }
 

@@ -5,7 +5,7 @@ use std::net::{SocketAddr, ToSocketAddrs};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
 use std::thread;
-use std::time::{Duration, SystemTime};
+use std::time::Duration;
 
 use bead_bench::image::find_image;
 use bead_bench::live_beads::LiveBeads;
@@ -26,6 +26,7 @@ use super::record::{self, PortChoice};
 use super::settings_file;
 use crate::cli::commands::prelude::*;
 use crate::cli::note_options::{NoteOptions, note};
+use crate::cli::provenance::now;
 use bead_console::beads::BeadNumbers;
 
 const AFTER_HELP: &str = "\
@@ -251,7 +252,7 @@ fn show_recording(path: &Path, pages: Pages) -> Result<(), Failure> {
 
 fn show_beads(arguments: &Arguments, pages: Pages) -> Result<(), Failure> {
     let key = arguments.key.as_deref().map(key::read).transpose()?;
-    let started = DateTime::<Utc>::from(SystemTime::now());
+    let started = now();
     // Before the work, which a name that does not do would waste.
     record::target(arguments.out.as_deref(), arguments.overwrite, started)?;
     let live = arguments.emulate.as_deref();
@@ -337,11 +338,7 @@ impl Arguments {
             Some(several) => several.of(&scenario)?,
             None => Vec::new(),
         };
-        let stated = self
-            .uncertainty
-            .as_deref()
-            .map(settings_file::uncertainty)
-            .transpose()?;
+        let stated = settings_file::uncertainty(self.uncertainty.as_deref())?;
         let image = find_image(None)?;
         let front_end = tables.front_end.front_end()?;
         let seed = tables.front_end.has_noise().then_some(1);

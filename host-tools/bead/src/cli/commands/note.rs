@@ -2,8 +2,8 @@
 
 use crate::cli::commands::prelude::*;
 use crate::cli::note_options::{Author, note};
-use crate::cli::recordings::open_all;
-use bead_recording::file::{State, add_notes};
+use crate::cli::recordings::{check_notable, open_all};
+use bead_recording::file::add_notes;
 
 const AFTER_HELP: &str = "\
 A note has a key, a text, its author and its time. The last note of a key counts; those before it stay in the file \
@@ -76,16 +76,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             "no recording is named; give one before its notes: bead note F.mcap operator=Ana"
         );
     }
-    // Before the first gets a note.
     let mut recordings = open_all(&paths)?;
     if !notes.is_empty() {
-        let cut = recordings
-            .iter()
-            .find(|recording| recording.state != State::Whole);
-        if let Some(cut) = cut {
-            // It says why, and writes nothing.
-            add_notes(&cut.path, &[])?;
-        }
+        check_notable(&recordings)?;
         let notes = arguments.author.sign(notes);
         for path in &paths {
             add_notes(path, &notes)?;

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::iter;
-use std::time::{Duration, SystemTime};
+use std::time::Duration;
 
 use bead_wire::Counters;
 use chrono::{DateTime, Utc};
@@ -10,6 +10,7 @@ use chrono::{DateTime, Utc};
 use super::clock::{drift, rfc3339, times_as_fast};
 use crate::cli::commands::prelude::*;
 use crate::cli::note_options::NoteOptions;
+use crate::cli::provenance::now;
 use bead_console::printer::Printer;
 use bead_line::lines;
 use bead_line::listener::End;
@@ -106,7 +107,7 @@ pub(super) fn port(text: &str) -> Result<PortChoice, String> {
 pub(super) type PortChoice = Option<Address>;
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let started = DateTime::<Utc>::from(SystemTime::now());
+    let started = now();
     let own_target = || target(arguments.out.as_deref(), arguments.overwrite, started);
     let mut target = own_target()?;
     let note = |line: String| note!("{line}");

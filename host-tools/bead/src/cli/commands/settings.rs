@@ -1,10 +1,9 @@
 //! `bead settings`: a bead's settings, read, written and shown.
 
 use std::fs;
-use std::time::{SystemTime, UNIX_EPOCH};
 
 use bead_model::converter::CONVERSION;
-use bead_model::design::{Day, Description};
+use bead_model::design::Description;
 use bead_model::settings::{Settings, SettingsError, VERSION};
 use bead_model::violation::SettingKey;
 use bead_wire::{Block, KEY, Message, Outcome, Request};
@@ -14,6 +13,7 @@ use serde_json::Value;
 use crate::cli::commands::prelude::*;
 use crate::cli::commands::settings_file;
 use crate::cli::line_options::LineOptions;
+use crate::cli::provenance::today;
 use bead_line::conversation::{Conversation, LineError};
 use bead_line::key;
 use bead_recording::physical::{KEYS, calibration_doubt, shown, value};
@@ -321,9 +321,7 @@ fn print(block: &[u8], format: Format, whose: &str) -> Result<(), Failure> {
 
 /// Says that a calibration is expired today, of a day to come, or not stated.
 fn note_calibration(description: &Description) {
-    let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-    let doubt = Day::at(now.as_secs() as i64).and_then(|today| calibration_doubt(description, today));
-    if let Some(doubt) = doubt {
+    if let Some(doubt) = today().and_then(|today| calibration_doubt(description, today)) {
         note!("{doubt}");
     }
 }

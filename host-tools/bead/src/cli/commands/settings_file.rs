@@ -95,7 +95,8 @@ fn read_toml(file: &Path) -> Result<Settings, Failure> {
     Ok(physical::parse(&text, &file.display().to_string())?)
 }
 
-fn block(settings: &Settings) -> Result<Vec<u8>, SettingsError> {
+/// The block of these settings.
+pub(super) fn block(settings: &Settings) -> Result<Vec<u8>, SettingsError> {
     let mut block = [0; BLOCK_MAX];
     let length = settings.encode(&mut block)?;
     Ok(block[..length].to_vec())
@@ -144,16 +145,18 @@ pub(super) fn decoded(file: &Path) -> Result<Settings, Failure> {
     settings.map_err(|error| failure!(Input, "{}: {error}", file.display()))
 }
 
-/// The uncertainties that a file of settings states.
-pub(super) fn uncertainty(file: &Path) -> Result<Uncertainty, Failure> {
-    let name = file.display();
+/// The uncertainties that a file of settings states, if one is given.
+pub(super) fn uncertainty(file: Option<&Path>) -> Result<Option<Uncertainty>, Failure> {
+    let Some(file) = file else { return Ok(None) };
     let stated = decoded(file)?.description().uncertainty;
-    stated.ok_or_else(|| {
-        failure!(
+    if stated.is_none() {
+        let name = file.display();
+        bail!(
             Input,
             "{name} states no uncertainties; give them in its table [uncertainty]"
-        )
-    })
+        );
+    }
+    Ok(stated)
 }
 
 /// Changes some keys of settings, as [`physical::set`] does: the differences, and the new block.

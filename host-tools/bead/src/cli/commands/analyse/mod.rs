@@ -9,6 +9,7 @@ pub(crate) use arguments::Arguments;
 
 use crate::cli::commands::prelude::*;
 use crate::cli::commands::settings_file;
+use crate::cli::table_file::TableFile;
 use arguments::{AccelerationUnit, SegmentWindow, ShownResponse, SpectrumCommand};
 use bead_spectra::bead::BeadSpectrum;
 use bead_spectra::fourier::Window;
@@ -17,7 +18,6 @@ use bead_spectra::plan::{Kind, Wanted};
 use bead_spectra::shock::ResponseKind;
 use bead_spectra::strike::SignalsWanted;
 use bead_spectra::table;
-use bead_tables::Writer;
 use report::AnalyseReport;
 use strikes::{Gathered, gather};
 use text::text;
@@ -66,19 +66,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         .chain(&common.uncertainty)
         .map(PathBuf::as_path)
         .collect();
-    let is_csv = common
-        .out
-        .as_ref()
-        .is_some_and(|out| out.extension().is_some_and(|end| end == "csv"));
-    let table_kind = if is_csv {
-        FileKind::Table
-    } else {
-        FileKind::Parquet
-    };
     place::apart(common.out.as_deref(), common.picture.as_deref())?;
-    let out = common
-        .overwrite
-        .optional(common.out.as_deref(), table_kind, &inputs)?;
+    let out = TableFile::optional(common.overwrite, common.out.as_deref(), &inputs)?;
     let picture = common
         .overwrite
         .optional(common.picture.as_deref(), FileKind::Drawing, &inputs)?;
@@ -88,11 +77,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         to: common.to,
         doubtful: common.doubtful,
     };
-    let stated = common.uncertainty.as_deref();
     let signals = SignalsWanted {
         sensors: wanted.sensors(),
         doubtful: common.doubtful,
-        stated: stated.map(settings_file::uncertainty).transpose()?,
+        stated: settings_file::uncertainty(common.uncertainty.as_deref())?,
     };
     let wanted = Gathered {
         common,
@@ -102,7 +90,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         gravities: common.unit == AccelerationUnit::G,
     };
     let beads = match &out {
-        Some(out) => written(&wanted, out, is_csv)?,
+        Some(out) => written(&wanted, out)?,
         None => gather(&wanted, None)?,
     };
     let report = AnalyseReport::new(kind, response, beads);
@@ -112,32 +100,17 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     output::print(common.format, &report, || text(&report))
 }
 
-/// Gathers the strikes and writes the spectrum of each as a table, whole or not at all.
-fn written(wanted: &Gathered<'_>, out: &Target, is_csv: bool) -> Result<Vec<BeadSpectrum>, Failure> {
-    const NOTES: [(&str, &str); 1] = [("made_by", concat!("bead ", env!("CARGO_PKG_VERSION")))];
+/// Gathers the strikes and writes the spectrum of each as a table.
+fn written(wanted: &Gathered<'_>, out: &TableFile) -> Result<Vec<BeadSpectrum>, Failure> {
+    let mut gathered = None;
     let columns = table::columns(wanted.wanted.kind);
-    // A failure of the strikes is none of the file's.
-    let mut outcome = None;
-    let file = out.write(|file| {
-        let mut writer = if is_csv {
-            Writer::csv(file, &columns)?
-        } else {
-            Writer::parquet(file, "spectra", &columns, &NOTES)?
-        };
-        let gathered = gather(wanted, Some(&mut writer));
-        let is_whole = gathered.is_ok();
-        outcome = Some(gathered);
-        anyhow::ensure!(is_whole, "no strike has a spectrum");
-        writer.finish()
+    let file = out.write("spectra", &columns, |table| {
+        let beads = gathered.insert(gather(wanted, Some(table)));
+        anyhow::ensure!(beads.is_ok(), "no strike has a spectrum");
+        Ok(())
     });
-    match outcome {
-        Some(Err(failure)) => Err(failure),
-        Some(Ok(beads)) => {
-            file?;
-            Ok(beads)
-        }
-        None => Err(file
-            .err()
-            .map_or_else(|| failure!(Input, "nothing was written"), Failure::from)),
-    }
+    // A failure of the strikes is none of the file's.
+    let beads = gathered.transpose()?;
+    file?;
+    Ok(beads.unwrap_or_default())
 }

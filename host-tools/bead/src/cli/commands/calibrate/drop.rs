@@ -3,63 +3,45 @@
 use bead_calibrate::drop::{DropInputs, DropSeries, evaluate};
 use bead_calibrate::simulated::drop::DropRig;
 
-use crate::cli::commands::calibrate::arguments::{DropArguments, MadeUpBead};
+use crate::cli::commands::calibrate::arguments::DropArguments;
 use crate::cli::commands::calibrate::finish::Prepared;
 use crate::cli::commands::calibrate::live::{self, Prompt};
 use crate::cli::commands::calibrate::source;
 use crate::cli::commands::prelude::*;
-use crate::cli::recordings::each_once;
 
 pub(super) fn run(arguments: &DropArguments) -> Result<(), Failure> {
     let stated = stated(arguments)?;
-    let is_made = arguments.source.port.is_some() || arguments.source.from.is_some();
-    let inputs: Vec<&Path> = if is_made {
-        Vec::new()
+    let (source, recordings) = (&arguments.source, &arguments.recordings);
+    let prepared = Prepared::new(&arguments.common, &source.inputs(recordings))?;
+    let (strikes, truth) = if source.is_made() {
+        make(arguments, &stated, &prepared)?
     } else {
-        arguments.recordings.iter().map(PathBuf::as_path).collect()
-    };
-    let prepared = Prepared::new(&arguments.common, &inputs)?;
-    let mut truth = None;
-    let strikes = if is_made {
-        let (strikes, of_bead) = make(arguments, &stated, &prepared)?;
-        truth = of_bead;
-        strikes
-    } else {
-        each_once(&arguments.recordings)?;
-        let read = |path: &PathBuf| source::strikes(path, arguments.source.bead);
-        arguments.recordings.iter().map(read).collect::<Result<_, _>>()?
+        (source.read(recordings)?, None)
     };
     let series = strikes
         .into_iter()
         .enumerate()
         .map(|(number, strikes)| DropSeries {
-            recording: source::name(arguments.recordings.get(number), number),
+            recording: source::name(recordings.get(number), number),
             height: number.min(stated.heights.len() - 1),
             strikes,
         });
     let series: Vec<DropSeries> = series.collect();
     let before = prepared.before(&source::settings_of(series.iter().flat_map(|one| &one.strikes)));
     let calibration = evaluate(&series, &stated).map_err(Failure::input)?;
-    prepared.finish(
-        &arguments.common,
-        calibration,
-        &before,
-        &arguments.recordings,
-        truth,
-    )
+    prepared.finish(&arguments.common, calibration, &before, recordings, truth)
 }
 
 /// Quantities that the operator states. Every recording has a height, or all have one.
 fn stated(arguments: &DropArguments) -> Result<DropInputs, Failure> {
     let (recordings, heights) = (arguments.recordings.len(), arguments.height.len());
-    let is_made = arguments.source.port.is_some() || arguments.source.from.is_some();
     if recordings == 0 && arguments.source.from.is_none() {
         bail!(
             Input,
             "give a recording of drops, F.mcap, or its name with --port P, which makes it; or --from simulated"
         );
     }
-    let is_one_for_all = heights == 1 && !is_made;
+    let is_one_for_all = heights == 1 && !arguments.source.is_made();
     if recordings > 0 && recordings != heights && !is_one_for_all {
         bail!(
             Input,
@@ -103,7 +85,7 @@ fn make(arguments: &DropArguments, stated: &DropInputs, prepared: &Prepared) -> 
         }
         return Ok((all, None));
     }
-    let bead = source::made_up(&prepared.before(&source::reference()), source)?;
+    let bead = source.made_up(&prepared.before(&source::reference()))?;
     let rig = DropRig {
         stated: stated.clone(),
         drops: arguments.drops as usize,
@@ -114,12 +96,8 @@ fn make(arguments: &DropArguments, stated: &DropInputs, prepared: &Prepared) -> 
     let mut all = Vec::new();
     for (height, target) in targets.iter().enumerate() {
         let (landings, seconds) = rig.landings(height);
-        let (target, seed) = (target.as_ref(), source.seed.wrapping_add(height as u64));
-        all.push(if source.from == Some(MadeUpBead::Emulated) {
-            source::emulate(&bead, &landings, seconds, target, seed)?
-        } else {
-            source::simulate(&bead, &landings, seconds, target, seed)?
-        });
+        let seed = source.seed.wrapping_add(height as u64);
+        all.push(source.measured(&bead, (&landings, seconds), target.as_ref(), seed)?);
         progress.inc(1);
     }
     progress.finish_and_clear();

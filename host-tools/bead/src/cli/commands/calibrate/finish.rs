@@ -1,7 +1,5 @@
 //! The end of every procedure: the settings file, the certificate, the printed result, the verdict.
 
-use std::time::{SystemTime, UNIX_EPOCH};
-
 use bead_calibrate::about::About;
 use bead_calibrate::calibration::Calibration;
 use bead_calibrate::certificate::Certificate;
@@ -16,7 +14,7 @@ use crate::cli::commands::calibrate::arguments::Common;
 use crate::cli::commands::calibrate::report::{CalibrateReport, ChangedKey, TrueValue};
 use crate::cli::commands::compared::publish;
 use crate::cli::commands::prelude::*;
-use crate::cli::provenance::sha256_of;
+use crate::cli::provenance::{made_by, name_of, sha256_of, today};
 
 /// A settings file as its owner left it.
 pub(super) struct SettingsFile {
@@ -227,12 +225,6 @@ impl SettingsFile {
     }
 }
 
-/// Today, in UTC.
-fn today() -> Option<Day> {
-    let since = SystemTime::now().duration_since(UNIX_EPOCH).ok()?;
-    Day::at(i64::try_from(since.as_secs()).ok()?)
-}
-
 fn deviations(calibration: &Calibration, truth: Vec<(&'static str, f64)>) -> Vec<TrueValue> {
     let of = |(name, value): (&'static str, f64)| {
         let result = calibration.results.iter().find(|result| result.name == name)?;
@@ -249,9 +241,9 @@ fn deviations(calibration: &Calibration, truth: Vec<(&'static str, f64)>) -> Vec
 fn made(inputs: &[PathBuf]) -> Result<Vec<Fact>, Failure> {
     let mut facts = Vec::new();
     for input in inputs {
-        let name = input.file_name().unwrap_or_default().to_string_lossy();
+        let name = name_of(input);
         facts.push(("input, SHA-256", format!("{name}: {}", sha256_of(input)?)));
     }
-    facts.push(("made by", concat!("bead ", env!("CARGO_PKG_VERSION")).to_owned()));
+    facts.push(made_by());
     Ok(facts)
 }

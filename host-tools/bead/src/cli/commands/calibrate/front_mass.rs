@@ -25,15 +25,14 @@ pub(super) fn run(arguments: &FrontMassArguments) -> Result<(), Failure> {
     let before = prepared.before(&source::reference());
     let of_settings = before.uncertainty.and_then(|stated| stated.force_gain);
     let force_gain_u = arguments.force_gain_u.or(of_settings.map(Relative::part));
+    let gain_u = force_gain_u.unwrap_or(0.0);
     let stated = FrontMassInputs {
         reference_u: options.reference_u,
         force_per_code: before.force.per_code,
-        force_gain_u: force_gain_u.unwrap_or(0.0),
+        force_gain_u: gain_u,
     };
-    let truth = match options.from {
-        Some(_) => Some(make(arguments, &before, force_gain_u.unwrap_or(0.0))?),
-        None => None,
-    };
+    let truth = options.from.map(|_| make(arguments, &before, gain_u));
+    let truth = truth.transpose()?;
     let of = (Channel::Force, before.force.pole);
     let gathered = options.gather(&arguments.waveform, arguments.common.overwrite, of)?;
     if gathered.points.measured == Measured::Codes && force_gain_u.is_none() {

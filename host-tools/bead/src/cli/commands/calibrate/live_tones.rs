@@ -7,7 +7,7 @@ use bead_calibrate::points::{Channel, Point, steady};
 use bead_line::port::Address;
 
 use crate::cli::commands::prelude::*;
-use crate::cli::line_options::LineOptions;
+use crate::cli::line_options::{TIMEOUT, open};
 
 /// Duration of the scans of a tone.
 const DURATION: Duration = Duration::from_millis(500);
@@ -24,7 +24,7 @@ pub(super) fn record(
     mut target: Target,
     channel: Channel,
 ) -> Result<(), Failure> {
-    let mut bead = LineOptions::at(port, baud, None, None)?;
+    let mut bead = open(port, baud, None, None, TIMEOUT)?;
     note!(
         "shake with a steady tone, then type its frequency in Hz and the reference's rms in m/s², such as: 80 35.2; an \
          empty line ends"

@@ -10,6 +10,7 @@ use bead_calibrate::simulated::sines::{self, Shaken};
 use bead_instrument::Choice;
 
 use crate::cli::commands::prelude::*;
+use crate::cli::provenance::name_of;
 
 /// Beginning of the names of the two files of a tone.
 const SCANS: &str = "scans-";
@@ -41,11 +42,7 @@ pub(super) fn gather(path: &Path, choice: &Choice, channel: Channel, pole: f64) 
     let progress = output::progress(scans.len() as u64).with_message("tones");
     for (name, scan) in &scans {
         progress.inc(1);
-        let subject = scan
-            .file_name()
-            .unwrap_or_default()
-            .to_string_lossy()
-            .into_owned();
+        let subject = name_of(scan);
         let Some(reference) = references.get(name) else {
             let why = format!("there is no {REFERENCE}{name}.csv, .wav or .parquet beside it");
             left_out.push(LeftOut { subject, why });
@@ -99,11 +96,7 @@ fn sorted(folder: &Path) -> Result<(ByName, ByName, Vec<LeftOut>), Failure> {
             references.insert(name.to_owned(), path);
         } else {
             left_out.push(LeftOut {
-                subject: path
-                    .file_name()
-                    .unwrap_or_default()
-                    .to_string_lossy()
-                    .into_owned(),
+                subject: name_of(&path),
                 why: format!("its name begins neither with {SCANS} nor with {REFERENCE}"),
             });
         }

@@ -32,10 +32,8 @@ pub(super) fn run(arguments: &ReferenceArguments) -> Result<(), Failure> {
         front_end: front_end(arguments)?,
         springs: None,
     };
-    let truth = match options.from {
-        Some(_) => Some(make(arguments, &before)?),
-        None => None,
-    };
+    let truth = options.from.map(|_| make(arguments, &before));
+    let truth = truth.transpose()?;
     let of = (Channel::Acceleration, before.acceleration.pole);
     let gathered = options.gather(&arguments.waveform, arguments.common.overwrite, of)?;
     let is_in_codes = gathered.points.measured == bead_calibrate::points::Measured::Codes;

@@ -30,10 +30,8 @@ pub(super) fn run(arguments: &ShakerArguments) -> Result<(), Failure> {
         intruder: source::intruder_mass(arguments.intruder_mass, &before)?,
         acceleration_per_code: before.acceleration.per_code,
     };
-    let truth = match options.from {
-        Some(_) => Some(make(arguments, &before, &stated)?),
-        None => None,
-    };
+    let truth = options.from.map(|_| make(arguments, &before, &stated));
+    let truth = truth.transpose()?;
     let of = (Channel::Acceleration, before.acceleration.pole);
     let gathered = options.gather(&arguments.waveform, arguments.common.overwrite, of)?;
     let mut calibration = evaluate(&gathered.points, &stated).map_err(Failure::input)?;

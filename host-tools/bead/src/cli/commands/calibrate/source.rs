@@ -11,13 +11,15 @@ use bead_compare::front_end::{AnalogFrontEnd, SAMPLE_RATE_HZ, SensorStimulus};
 use bead_compare::sensed::{Timing, Truth, simulate_with_ring_down};
 use bead_instrument::{Trace, Waveform};
 use bead_model::design::{Bead, Capture, Description, FrontEnd, Relative, Surroundings};
-use bead_model::settings::{BLOCK_MAX, Settings};
 use bead_recording::file::{About, Part, RecordingWriter};
 use bead_recording::strikes::assemble;
 
-use crate::cli::commands::calibrate::arguments::SourceOptions;
+use crate::cli::commands::calibrate::arguments::{MadeUpBead, SourceOptions};
 use crate::cli::commands::compared::no_strike;
 use crate::cli::commands::prelude::*;
+use crate::cli::commands::settings_file::block;
+use crate::cli::provenance::name_of;
+use crate::cli::recordings::each_once;
 
 /// Strikes of a recording that a procedure takes at most.
 const MOST: usize = 10_000;
@@ -56,12 +58,52 @@ pub(super) fn strikes(path: &Path, bead: Option<u8>) -> Result<Vec<RecordedStrik
     Ok(strikes)
 }
 
+impl SourceOptions {
+    /// True if the recordings are made first.
+    pub(super) fn is_made(&self) -> bool {
+        self.port.is_some() || self.from.is_some()
+    }
+
+    /// The recordings that are read: none if they are made.
+    pub(super) fn inputs<'a>(&self, recordings: &'a [PathBuf]) -> Vec<&'a Path> {
+        let read = recordings.iter().filter(|_| !self.is_made());
+        read.map(PathBuf::as_path).collect()
+    }
+
+    /// The strikes of recordings that are there, one after another.
+    pub(super) fn read(&self, recordings: &[PathBuf]) -> Result<Vec<Vec<RecordedStrike>>, Failure> {
+        each_once(recordings)?;
+        recordings.iter().map(|path| strikes(path, self.bead)).collect()
+    }
+
+    /// A bead without hardware, with these settings.
+    pub(super) fn made_up(&self, description: &Description) -> Result<SimulatedBead, Failure> {
+        let settings = bead_recording::physical::derived(description)?;
+        Ok(SimulatedBead::drawn(&settings, &mut chance(self.seed, 0)))
+    }
+
+    /// Strikes that such a bead measures of `seconds` of a stimulus, in a recording if one is wanted.
+    pub(super) fn measured(
+        &self,
+        bead: &SimulatedBead,
+        (stimulus, seconds): (&impl SensorStimulus, f64),
+        target: Option<&Target>,
+        seed: u64,
+    ) -> Result<Vec<RecordedStrike>, Failure> {
+        match (self.from, target) {
+            (Some(MadeUpBead::Emulated), _) => emulate(bead, stimulus, seconds, target, seed),
+            (_, None) => Ok(bead.strikes(stimulus, seconds, seed)),
+            (_, Some(target)) => {
+                bead.record(target, stimulus, seconds, seed)?;
+                strikes(target.path(), None)
+            }
+        }
+    }
+}
+
 /// The name of a recording; of one that is not kept, its number.
 pub(super) fn name(path: Option<&PathBuf>, number: usize) -> String {
-    match path.and_then(|path| path.file_name()) {
-        Some(name) => name.to_string_lossy().into_owned(),
-        None => format!("series {number}"),
-    }
+    path.map_or_else(|| format!("series {number}"), |path| name_of(path))
 }
 
 /// The settings that a recording's strikes were measured with, else those of the paper's bead.
@@ -90,29 +132,8 @@ pub(super) fn targets(
     named.iter().map(target).collect()
 }
 
-/// Strikes that a simulated bead measures of `seconds` of a stimulus, in a recording if one is wanted.
-pub(super) fn simulate(
-    bead: &SimulatedBead,
-    stimulus: &impl SensorStimulus,
-    seconds: f64,
-    target: Option<&Target>,
-    seed: u64,
-) -> Result<Vec<RecordedStrike>, Failure> {
-    let Some(target) = target else {
-        return Ok(bead.strikes(stimulus, seconds, seed));
-    };
-    bead.record(target, stimulus, seconds, seed)?;
-    strikes(target.path(), None)
-}
-
-/// A bead without hardware, with these settings.
-pub(super) fn made_up(description: &Description, source: &SourceOptions) -> Result<SimulatedBead, Failure> {
-    let settings = bead_recording::physical::derived(description)?;
-    Ok(SimulatedBead::drawn(&settings, &mut chance(source.seed, 0)))
-}
-
 /// Strikes that the flash image in QEMU measures of `seconds` of a stimulus, in a recording if one is wanted.
-pub(super) fn emulate(
+fn emulate(
     bead: &SimulatedBead,
     stimulus: &impl SensorStimulus,
     seconds: f64,
@@ -146,7 +167,7 @@ pub(super) fn emulate(
     let front_end: &AnalogFrontEnd = &bead.front_end;
     let image = find_image(None)?;
     let mut emulation = Emulation::play(&solution, placed, front_end, timing, &image, waveform, truth)?;
-    let block = block(&bead.settings)?;
+    let block = block(&bead.settings).map_err(Failure::input)?;
     (emulation.settings, emulation.block) = (bead.settings, block);
     let ran = emulation.run()?.whole()?;
     let Some(target) = target else {
@@ -170,43 +191,32 @@ const RATE: f64 = 200e3;
 /// Quiet time before the signal, s, in which the image starts and arms its detector.
 const LEAD_IN: f64 = 0.02;
 
-fn block(settings: &Settings) -> Result<Vec<u8>, Failure> {
-    let mut block = [0; BLOCK_MAX];
-    let length = settings.encode(&mut block).map_err(Failure::input)?;
-    Ok(block[..length].to_vec())
-}
-
 /// The intruder's mass: the stated one, else that of the settings with its uncertainty.
 pub(super) fn intruder_mass(stated: Option<Stated>, settings: &Description) -> Result<StatedMass, Failure> {
     let uncertainty = settings.uncertainty.and_then(|stated| stated.intruder_mass);
-    of_settings(stated, settings.intruder.mass, uncertainty).ok_or_else(|| {
-        failure!(
-            Input,
-            "the uncertainty of the intruder's mass is unknown; weigh it: --intruder-mass 3.700g±4mg"
-        )
-    })
+    let advice = "the intruder's mass is unknown; weigh it: --intruder-mass 3.700g±4mg";
+    mass(stated, settings.intruder.mass, uncertainty, advice)
 }
 
 /// The bead's mass, likewise.
 pub(super) fn bead_mass(stated: Option<Stated>, settings: &Description) -> Result<StatedMass, Failure> {
     let uncertainty = settings.uncertainty.and_then(|stated| stated.bead_mass);
-    of_settings(stated, settings.bead.mass, uncertainty).ok_or_else(|| {
-        failure!(
-            Input,
-            "the uncertainty of the bead's mass is unknown; weigh it with its intruder: --bead-mass 51.00g±10mg; or \
-             hold it fast: --held"
-        )
-    })
+    let advice = "the bead's mass is unknown; weigh it with its intruder: --bead-mass 51.00g±10mg; or hold it \
+                  fast: --held";
+    mass(stated, settings.bead.mass, uncertainty, advice)
 }
 
-fn of_settings(stated: Option<Stated>, mass: f64, uncertainty: Option<Relative>) -> Option<StatedMass> {
-    let of_file = || {
-        let u = uncertainty?.part() * mass;
-        Some(StatedMass {
-            mass: Stated { value: mass, u },
-            is_new: false,
-        })
+fn mass(
+    stated: Option<Stated>,
+    value: f64,
+    uncertainty: Option<Relative>,
+    advice: &str,
+) -> Result<StatedMass, Failure> {
+    let u = uncertainty.map(|relative| relative.part() * value);
+    let (mass, is_new) = match (stated, u) {
+        (Some(stated), _) => (stated, true),
+        (None, Some(u)) => (Stated { value, u }, false),
+        (None, None) => bail!(Input, "the uncertainty of {advice}"),
     };
-    let new = stated.map(|mass| StatedMass { mass, is_new: true });
-    new.or_else(of_file)
+    Ok(StatedMass { mass, is_new })
 }

@@ -54,10 +54,7 @@ impl ImageName {
     const END: u8 = b';';
 
     /// Reads the name of the image in a part's flash. Images begin at a sector's start, and the name lies
-    /// behind their vectors.
-    ///
-    /// # Errors
-    /// Of `read`, which fills bytes from an address.
+    /// behind their vectors. `read` fills bytes from an address.
     pub(crate) fn read(
         mut read: impl FnMut(u32, &mut [u8]) -> Result<(), Failure>,
     ) -> Result<Option<Self>, Failure> {
@@ -71,9 +68,6 @@ impl ImageName {
     }
 
     /// Reads the name of the image that begins at an address.
-    ///
-    /// # Errors
-    /// Of `read`.
     pub(crate) fn read_at(
         address: u32,
         mut read: impl FnMut(u32, &mut [u8]) -> Result<(), Failure>,
@@ -85,9 +79,8 @@ impl ImageName {
 
     /// Finds the name in the bytes of an image.
     pub(crate) fn find(bytes: &[u8]) -> Option<Self> {
-        let mut places = marks(bytes);
-        places.find_map(|at| {
-            let text = &bytes[at + Self::MARK.len()..];
+        let marks = (0..bytes.len()).filter(|at| bytes[*at..].starts_with(Self::MARK));
+        marks.map(|at| &bytes[at + Self::MARK.len()..]).find_map(|text| {
             let text = &text[..text.len().min(128)];
             let end = text.iter().position(|byte| *byte == Self::END)?;
             let text = str::from_utf8(&text[..end]).ok()?;
@@ -100,14 +93,6 @@ impl ImageName {
             })
         })
     }
-}
-
-/// Where the mark of a name is.
-fn marks(bytes: &[u8]) -> impl Iterator<Item = usize> {
-    let windows = bytes.windows(ImageName::MARK.len()).enumerate();
-    windows
-        .filter(|(_, window)| *window == ImageName::MARK)
-        .map(|(at, _)| at)
 }
 
 impl fmt::Display for ImageName {

@@ -6,9 +6,6 @@ use crate::cli::commands::prelude::*;
 const PART: u16 = 0x413;
 
 /// Gives the part's number, if it is the right one.
-///
-/// # Errors
-/// It is another part.
 pub(crate) fn check(part: u16) -> Result<u16, Failure> {
     if part == PART {
         return Ok(part);

@@ -155,9 +155,6 @@ fn read_flash(probe: &ProbeRs, address: u32, bytes: &mut [u8]) -> Result<(), Fai
 }
 
 /// Sets the brown-out level to 3, and nothing else; returns what the part then has.
-///
-/// # Errors
-/// Of the commands, or the part did not take it.
 fn set_brown_out_reset(probe: &ProbeRs, found: Option<OptionBytes>) -> Result<Option<OptionBytes>, Failure> {
     // A wrong bit may lock the part for ever, so it has to read the same twice. In a dry run, those of a
     // new part.

@@ -69,9 +69,6 @@ impl ProbeRs {
     }
 
     /// Reads words of the part. `None` in a dry run.
-    ///
-    /// # Errors
-    /// Of the command, or its output is no words.
     pub(crate) fn read(&self, address: u32, words: usize) -> Result<Option<Vec<u32>>, Failure> {
         let Some(said) = self.run("read", &["b32", &format!("{address:#010x}"), &words.to_string()])? else {
             return Ok(None);
@@ -96,9 +93,6 @@ impl ProbeRs {
     }
 
     /// Writes a word to RAM or to a register.
-    ///
-    /// # Errors
-    /// Of the command.
     pub(crate) fn write(&self, address: u32, word: u32) -> Result<(), Failure> {
         self.run(
             "write",
@@ -108,9 +102,6 @@ impl ProbeRs {
     }
 
     /// Flashes an ELF file and compares.
-    ///
-    /// # Errors
-    /// Of the commands, or flash and file differ.
     pub(crate) fn flash(&self, image: &Path) -> Result<(), Failure> {
         let image = image.to_string_lossy();
         let how = ["--binary-format", "elf", "--disable-progressbars", &image];
@@ -128,9 +119,6 @@ impl ProbeRs {
     }
 
     /// Resets the part, which then runs.
-    ///
-    /// # Errors
-    /// Of the command.
     pub(crate) fn reset(&self) -> Result<(), Failure> {
         self.run("reset", &[])?;
         Ok(())

@@ -9,7 +9,7 @@ use crate::cli::commands::flash::arguments::Arguments;
 use crate::cli::commands::flash::image::{FlashImage, ImageName};
 use crate::cli::commands::flash::report::FlashReport;
 use crate::cli::commands::prelude::*;
-use crate::cli::line_options::LineOptions;
+use crate::cli::line_options::{TIMEOUT, open};
 use bead_bench::image::shown;
 
 /// Rate of the bead's line, bits a second.
@@ -30,12 +30,8 @@ pub(crate) fn run(arguments: &Arguments, port: &Address, image: &FlashImage) -> 
             "{shown}: {error}; give the image that `cargo xtask build` makes and signs"
         )
     })?;
-    let mut bead = LineOptions::at(
-        port,
-        arguments.baud.unwrap_or(BAUD),
-        arguments.address,
-        arguments.key.as_deref(),
-    )?;
+    let (baud, key) = (arguments.baud.unwrap_or(BAUD), arguments.key.as_deref());
+    let mut bead = open(port, baud, arguments.address, key, TIMEOUT)?;
     let how = "the bead runs a whole image, the old one or the new one; if it still waits for the rest, it measures \
                again in ten seconds; run the same command again";
     interrupt::resumable(how.to_owned());

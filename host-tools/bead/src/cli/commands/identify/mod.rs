@@ -5,11 +5,9 @@ mod text;
 
 pub(crate) use arguments::Arguments;
 
-use bead_model::design::Description;
-use bead_model::settings::Settings;
-
 use crate::cli::commands::prelude::*;
 use crate::cli::commands::settings_file;
+use crate::cli::table_file::TableFile;
 use arguments::{Method, MountingOption};
 use bead_compare::sensed::load_scenario;
 use bead_identify::bead::{BeadError, BeadStrikes, IdentifiedBead, Request, identify_bead, take};
@@ -17,19 +15,15 @@ use bead_identify::report::IdentifyReport;
 use bead_identify::table::{columns, rows};
 use bead_recording::physical;
 use bead_recording::strikes::LeftOut;
-use bead_tables::Writer;
-
-/// Notes of a Parquet file.
-const NOTES: [(&str, &str); 1] = [("made_by", concat!("bead ", env!("CARGO_PKG_VERSION")))];
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     check_method(arguments)?;
     let outputs = Outputs::new(arguments)?;
     let scenario = arguments.scenario.as_deref().map(load_scenario).transpose()?;
     let scenario = scenario.map(|(scenario, _)| scenario);
-    let stated = arguments.uncertainty.as_deref();
-    let stated = stated.map(settings_file::uncertainty).transpose()?;
-    let from = arguments.from.as_deref().map(description_in).transpose()?;
+    let stated = settings_file::uncertainty(arguments.uncertainty.as_deref())?;
+    let from = arguments.from.as_deref();
+    let from = from.map(settings_file::decoded).transpose()?;
     let (beads, names) = read(arguments)?;
     if (outputs.settings.is_some() || outputs.picture.is_some()) && beads.len() > 1 {
         let addresses: Vec<u8> = beads.iter().map(|bead| bead.address).collect();
@@ -45,7 +39,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         scenario: scenario.as_ref(),
         place: arguments.place,
         stated,
-        from,
+        from: from.map(|settings| *settings.description()),
         names: &names,
         draws: outputs.picture.is_some(),
         samples: outputs.table.is_some(),
@@ -106,8 +100,7 @@ fn refused(error: &BeadError) -> Failure {
 struct Outputs {
     settings: Option<Target>,
     picture: Option<Target>,
-    table: Option<Target>,
-    is_csv: bool,
+    table: Option<TableFile>,
 }
 
 impl Outputs {
@@ -133,42 +126,28 @@ impl Outputs {
         for (one, other) in [(0, 1), (0, 2), (1, 2)] {
             place::apart(names[one], names[other])?;
         }
-        let is_csv = out
-            .as_ref()
-            .is_some_and(|out| out.extension().is_some_and(|end| end == "csv"));
-        let table = if is_csv {
-            FileKind::Table
-        } else {
-            FileKind::Parquet
-        };
         let [settings, picture, out] = names;
         Ok(Self {
             settings: overwrite.optional(settings, FileKind::Scenario, &inputs)?,
             picture: overwrite.optional(picture, FileKind::Drawing, &inputs)?,
-            table: overwrite.optional(out, table, &inputs)?,
-            is_csv,
+            table: TableFile::optional(*overwrite, out, &inputs)?,
         })
     }
 
     /// Writes the files of the beads.
     fn write(self, beads: &mut [IdentifiedBead]) -> Result<(), Failure> {
         if let Some(table) = self.table {
-            table.write(|file| {
-                let mut writer = if self.is_csv {
-                    Writer::csv(file, &columns())?
-                } else {
-                    Writer::parquet(file, "samples", &columns(), &NOTES)?
-                };
+            table.write("samples", &columns(), |table| {
                 let mut ids = 0..;
                 for IdentifiedBead { result, samples, .. } in &mut *beads {
                     for (strike, samples) in result.strikes.iter().zip(samples.drain(..)) {
                         let id = ids.next().unwrap_or_default();
                         let who = (id, result.address, result.uid.as_deref());
                         let named = (strike.recording.as_str(), strike.strike);
-                        rows(who, named, samples).try_for_each(|row| writer.push(row))?;
+                        rows(who, named, samples).try_for_each(|row| table.push(row))?;
                     }
                 }
-                writer.finish()
+                Ok(())
             })?;
         }
         let Some(made) = beads.last() else { return Ok(()) };
@@ -203,11 +182,4 @@ fn check_method(arguments: &Arguments) -> Result<(), Failure> {
         ),
         _ => Ok(()),
     }
-}
-
-/// The quantities in a file of settings.
-fn description_in(file: &Path) -> Result<Description, Failure> {
-    let settings = Settings::decode(&settings_file::load(file, None)?);
-    let settings = settings.map_err(|error| failure!(Input, "{}: {error}", file.display()))?;
-    Ok(*settings.description())
 }

@@ -1,8 +1,7 @@
 //! `bead proof calibrate`: rigs and beads whose truth is drawn, each calibrated; the uncertainties of the
 //! results have to cover the truth.
 
-use rayon::prelude::*;
-
+use super::measure::on_all_cores;
 use crate::cli::commands::calibrate::reference_description;
 use crate::cli::commands::prelude::*;
 use bead_calibrate::simulated::coverage::{Deviation, ResultCoverage, drop_test, shakes, taps};
@@ -58,13 +57,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         let mut found = drop_test(&settings, seed, arguments.repeats as usize)?;
         found.extend(taps(&settings, seed, arguments.repeats)?);
         found.extend(shakes(&settings, seed)?);
-        progress.inc(1);
         Ok(found)
     };
-    let all: Result<Vec<_>, _> = (0..arguments.beads).into_par_iter().map(one).collect();
+    let all = on_all_cores(&progress, 0..arguments.beads, one).map_err(Failure::verdict)?;
     progress.finish_and_clear();
-    let all: Vec<Deviation> = all.map_err(Failure::verdict)?.into_iter().flatten().collect();
-    let results = ResultCoverage::of(&all);
+    let results = ResultCoverage::of(&all.concat());
     let proof = CalibrateProof {
         measured_by: "bit-exact model",
         pass: results.iter().all(|one| one.holds),

@@ -1,9 +1,8 @@
 //! `bead proof coverage`: beads drawn from a calibration, whose uncertainties have to cover the truth, and
 //! healthy strikes, which no flag may doubt.
 
-use rayon::prelude::*;
-
 use super::healthy::{self, HealthyKind};
+use super::measure::on_all_cores;
 use crate::cli::commands::prelude::*;
 use crate::cli::commands::settings_file;
 use bead_bench::coverage::{Calibrated, Coverage, careful_laboratory, few_are_doubted};
@@ -66,30 +65,21 @@ pub(crate) struct CoverageProof {
 const MODEL: &str = "bit-exact model; `bead proof silent` plays the image";
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let stated = match &arguments.uncertainty {
-        Some(file) => settings_file::uncertainty(file)?,
-        None => careful_laboratory(),
-    };
+    let stated = settings_file::uncertainty(arguments.uncertainty.as_deref())?;
+    let stated = stated.unwrap_or_else(careful_laboratory);
     let kinds = healthy::KINDS
         .iter()
         .flat_map(|kind| [(*kind, false), (*kind, true)]);
     let kinds: Vec<_> = kinds.filter(|_| arguments.strikes > 0).collect();
     let progress = output::progress(u64::from(arguments.beads) + kinds.len() as u64);
     let calibrated = Calibrated::new(stated)?;
-    let drawn = (0..arguments.beads).into_par_iter().map(|number| {
-        let drawn = calibrated.draw(arguments.seed, number);
-        progress.inc(1);
-        drawn
-    });
-    let drawn = drawn.collect::<Result<Vec<_>, _>>();
-    let struck = kinds.into_par_iter().map(|(kind, row)| {
-        let struck = healthy::strike(kind, row, arguments.strikes, stated, arguments.seed);
-        progress.inc(1);
-        struck
-    });
-    let struck = struck.collect::<Result<Vec<_>, Failure>>();
+    let drawn = on_all_cores(&progress, 0..arguments.beads, |number| {
+        calibrated.draw(arguments.seed, number)
+    })?;
+    let healthy = on_all_cores(&progress, kinds, |(kind, row)| {
+        healthy::strike(kind, row, arguments.strikes, stated, arguments.seed)
+    })?;
     progress.finish_and_clear();
-    let (drawn, healthy) = (drawn?, struck?);
     let coverage = Coverage::of(&drawn);
     let drawn_flagged = drawn.iter().filter(|bead| bead.is_doubted()).count();
     let are_covered = coverage.iter().all(|one| one.holds) && few_are_doubted(drawn_flagged, drawn.len());
@@ -169,9 +159,7 @@ mod tests {
             env!("CARGO_MANIFEST_DIR"),
             "/../../docs/scenarios/paper-bead.toml"
         );
-        assert_eq!(
-            settings_file::uncertainty(Path::new(file)).unwrap(),
-            careful_laboratory()
-        );
+        let stated = settings_file::uncertainty(Some(Path::new(file)));
+        assert_eq!(stated.unwrap(), Some(careful_laboratory()));
     }
 }

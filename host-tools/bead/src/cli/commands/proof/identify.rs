@@ -1,7 +1,6 @@
 //! `bead proof identify`: beads whose parameters are drawn, which identification has to find.
 
-use rayon::prelude::*;
-
+use super::measure::on_all_cores;
 use crate::cli::commands::prelude::*;
 use bead_bench::identification::{IdentificationCoverage, Nominal};
 
@@ -49,14 +48,10 @@ pub(crate) struct IdentifyProof {
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let nominal = Nominal::paper()?;
     let progress = output::progress(arguments.beads.into());
-    let drawn = (0..arguments.beads).into_par_iter().map(|number| {
-        let drawn = nominal.draw(arguments.seed, number, arguments.strikes);
-        progress.inc(1);
-        drawn
-    });
-    let drawn = drawn.collect::<Result<Vec<_>, _>>();
+    let drawn = on_all_cores(&progress, 0..arguments.beads, |number| {
+        nominal.draw(arguments.seed, number, arguments.strikes)
+    })?;
     progress.finish_and_clear();
-    let drawn = drawn?;
     let coverage = IdentificationCoverage::of(&drawn);
     let misfits = drawn.iter().filter(|bead| bead.probability < 0.01).count();
     let proof = IdentifyProof {

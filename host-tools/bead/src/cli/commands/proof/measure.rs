@@ -1,6 +1,7 @@
 //! Shared by all proofs: options, runs, errors of the estimates, and the page of a table.
 
 use hertz_chain::Solution;
+use indicatif::ProgressBar;
 use rayon::prelude::*;
 
 use crate::cli::commands::prelude::*;
@@ -109,14 +110,8 @@ impl Prepared<'_> {
         row: impl Fn(&C) -> [String; N],
     ) -> Result<Vec<C>, Failure> {
         let progress = output::progress(points.len() as u64);
-        let cells = points.par_iter().map(|point| {
-            let cell = cell(point);
-            progress.inc(1);
-            cell
-        });
-        let cells = cells.collect::<Result<Vec<C>, Failure>>();
+        let cells = on_all_cores(&progress, points, &cell)?;
         progress.finish_and_clear();
-        let cells = cells?;
         if let Some(page) = &self.page {
             let heads = [headings.map(str::to_owned), headings.map(|_| "---".to_owned())];
             let lines = heads.into_iter().chain(cells.iter().map(&row));
@@ -131,6 +126,20 @@ impl Prepared<'_> {
         })?;
         Ok(cells)
     }
+}
+
+/// Computes something of each item on all cores, and moves the bar by a step for each.
+pub(super) fn on_all_cores<T, R: Send, E: Send>(
+    progress: &ProgressBar,
+    items: impl IntoParallelIterator<Item = T>,
+    compute: impl Fn(T) -> Result<R, E> + Sync + Send,
+) -> Result<Vec<R>, E> {
+    let computed = items.into_par_iter().map(|item| {
+        let computed = compute(item);
+        progress.inc(1);
+        computed
+    });
+    computed.collect()
 }
 
 /// Peaks of a strike at the bead.

@@ -1,7 +1,6 @@
 //! `bead proof silent`: strikes at which the bead would be wrong, and whether it says why.
 
-use rayon::prelude::*;
-
+use super::measure::on_all_cores;
 use crate::cli::commands::prelude::*;
 use bead_bench::image::find_image;
 use bead_bench::silent::{SilentOutcome, cases};
@@ -50,14 +49,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let wanted = |group: &str| arguments.group.is_empty() || arguments.group.iter().any(|one| one == group);
     let cases: Vec<_> = cases().into_iter().filter(|case| wanted(case.group)).collect();
     let progress = output::progress(cases.len() as u64);
-    let outcomes = cases.par_iter().map(|case| {
-        let outcome = case.play(&image);
-        progress.inc(1);
-        outcome
-    });
-    let outcomes = outcomes.collect::<Result<Vec<_>, _>>();
+    let outcomes = on_all_cores(&progress, &cases, |case| case.play(&image))?;
     progress.finish_and_clear();
-    let outcomes = outcomes?;
     output::print(arguments.format, &outcomes, || {
         output::table(&HEADINGS.join(" | "), outcomes.iter().map(row))
     })?;

@@ -5,6 +5,7 @@ mod arguments;
 pub(crate) use arguments::Arguments;
 
 use crate::cli::commands::prelude::*;
+use crate::cli::table_file::TableFile;
 use bead_compare::report::{DASH, EnergyUnit, count, number};
 use bead_logbook::control::{BASE_GOOD, BASE_LEAST, SIGMAS};
 use bead_logbook::index::Logbook;
@@ -12,7 +13,7 @@ use bead_logbook::picture;
 use bead_logbook::quantity::Quantity;
 use bead_logbook::trend::{BeadTrend, PointBy, QuantityTrend, trends};
 use bead_logbook::{date, recording::LoggedRecording};
-use bead_tables::{Cell, CellKind, Column, Writer};
+use bead_tables::{Cell, CellKind, Column};
 
 /// Points beyond the limits of a quantity that are named.
 const BEYOND_MOST: usize = 10;
@@ -34,17 +35,8 @@ const RULE: &str = "Shewhart's chart of individual values (ISO 7870-2): mean of 
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     place::apart(arguments.out.as_deref(), arguments.picture.as_deref())?;
-    let is_csv = arguments
-        .out
-        .as_ref()
-        .is_some_and(|out| out.extension().is_some_and(|end| end == "csv"));
-    let kind = if is_csv {
-        FileKind::Table
-    } else {
-        FileKind::Parquet
-    };
     let overwrite = arguments.overwrite;
-    let out = overwrite.optional(arguments.out.as_deref(), kind, &[])?;
+    let out = TableFile::optional(overwrite, arguments.out.as_deref(), &[])?;
     let picture = overwrite.optional(arguments.picture.as_deref(), FileKind::Drawing, &[])?;
     let filter = arguments.folder.filter();
     let logbooks = arguments.folder.open()?;
@@ -82,7 +74,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         beads,
     };
     if let Some(out) = out {
-        write_table(&out, is_csv, &report.beads)?;
+        write_table(&out, &report.beads)?;
     }
     if let Some(picture) = picture {
         picture.write_bytes(picture::chart(&report.beads).standalone_svg()?)?;
@@ -202,8 +194,7 @@ impl TrendReport {
     }
 }
 
-fn write_table(out: &Target, is_csv: bool, beads: &[BeadTrend]) -> Result<(), Failure> {
-    const NOTES: [(&str, &str); 1] = [("made_by", concat!("bead ", env!("CARGO_PKG_VERSION")))];
+fn write_table(out: &TableFile, beads: &[BeadTrend]) -> Result<(), Failure> {
     let columns = [
         ("bead", CellKind::Whole),
         ("quantity", CellKind::Text),
@@ -219,18 +210,13 @@ fn write_table(out: &Target, is_csv: bool, beads: &[BeadTrend]) -> Result<(), Fa
         ("out_of_control", CellKind::Whole),
     ];
     let columns = columns.map(|(name, kind)| Column::new(name, kind));
-    out.write(|file| {
-        let mut writer = if is_csv {
-            Writer::csv(file, &columns)?
-        } else {
-            Writer::parquet(file, "trend", &columns, &NOTES)?
-        };
+    out.write("trend", &columns, |table| {
         for (bead, trend) in all(beads) {
             for point in &trend.points {
                 let limit = |of: fn(&bead_logbook::control::ControlLimits) -> f64| {
                     Cell::number(trend.limits.as_ref().map(of))
                 };
-                writer.push(vec![
+                table.push(vec![
                     Cell::whole(bead),
                     Cell::text(Some(trend.quantity)),
                     Cell::text(Some(trend.unit)),
@@ -248,7 +234,7 @@ fn write_table(out: &Target, is_csv: bool, beads: &[BeadTrend]) -> Result<(), Fa
                 ])?;
             }
         }
-        writer.finish()
+        Ok(())
     })?;
     Ok(())
 }
