@@ -51,10 +51,8 @@ fn responses_and_units_are_those_that_are_asked_for() {
     let folder = folder();
     let report = |options: &str| folder.json(&format!("analyse srs x.mcap --format json {options}"));
     let (si, g) = (report(""), report("--unit g"));
-    let (velocity, way) = (
-        report("--response pseudo-velocity"),
-        report("--response relative-displacement"),
-    );
+    let [velocity, way] =
+        ["pseudo-velocity", "relative-displacement"].map(|of| report(&format!("--response {of}")));
     let units = [&si, &g, &velocity, &way].map(|report| report["beads"][0]["unit"].clone());
     assert_eq!(units, ["m/s²", "g", "m/s", "m"]);
     for (place, point) in points(&si).iter().enumerate() {
@@ -64,11 +62,8 @@ fn responses_and_units_are_those_that_are_asked_for() {
         assert!((of(&velocity) / of(&way) / omega - 1.0).abs() < 1e-12);
     }
     let one = folder.json("analyse srs x.mcap --strike 1 --format json --per-octave 1 --from 400 --to 5000");
-    let frequencies: Vec<f64> = points(&one)
-        .iter()
-        .map(|point| number(&point["frequency_hz"]))
-        .collect();
-    assert_eq!(frequencies, [500.0, 1000.0, 2000.0, 4000.0]);
+    let frequencies = points(&one).iter().map(|point| &point["frequency_hz"]);
+    assert!(frequencies.eq([500.0, 1000.0, 2000.0, 4000.0].iter()));
     assert_eq!(one["beads"][0]["strikes"][0]["strike"], 1);
     assert!(points(&one)[0]["standard_deviation"].is_null());
 }
@@ -90,10 +85,8 @@ fn the_uncertainty_is_that_of_the_settings_and_of_the_scatter_or_unknown() {
     assert!((number(&stated["beads"][0]["gain_uncertainty"]) - gain).abs() < 1e-9);
     for point in points(&stated) {
         if number(&point["frequency_hz"]) > 5000.0 {
-            assert!(
-                point["u"].is_null(),
-                "no calibration states how flat a sensor is there"
-            );
+            // No calibration states how flat a sensor is there.
+            assert!(point["u"].is_null());
             continue;
         }
         let of_mean = number(&point["standard_deviation"]) / 3_f64.sqrt();
@@ -113,12 +106,10 @@ fn a_density_has_twice_the_uncertainty_of_the_scale_and_a_transfer_none_of_the_s
 
     let density = report("psd x.mcap --strike 0 --to 5000");
     let gravities = report("psd x.mcap --strike 0 --to 5000 --unit g");
+    let exact = 2.0 * size(&[&acceleration[..], &[0.002]].concat());
     for (point, in_g) in points(&density).iter().zip(points(&gravities)) {
         let part = number(&point["u"]) / number(&point["mean"]);
-        assert!(
-            (part - 2.0 * size(&[&acceleration[..], &[0.002]].concat())).abs() < 1e-9,
-            "{point}"
-        );
+        assert!((part - exact).abs() < 1e-9, "{point}");
         let ratio = number(&point["mean"]) / number(&in_g["mean"]);
         assert!((ratio / 9.806_65_f64.powi(2) - 1.0).abs() < 1e-12, "{in_g}");
     }
@@ -159,10 +150,8 @@ fn a_picture_has_a_panel_for_each_bead_and_a_table_a_row_for_each_frequency_of_e
     assert_eq!(report["beads"].as_array().unwrap().len(), 2);
     let picture = folder.text("srs.svg");
     assert!(picture.contains("bead 7") && picture.contains("bead 9") && picture.contains("envelope"));
-    let rows: usize = (0..2)
-        .map(|bead| 2 * report["beads"][bead]["points"].as_array().unwrap().len())
-        .sum();
-    assert_eq!(folder.text("srs.csv").lines().count(), 1 + rows);
+    let rows = [0, 1].map(|bead| 2 * report["beads"][bead]["points"].as_array().unwrap().len());
+    assert_eq!(folder.text("srs.csv").lines().count(), 1 + rows[0] + rows[1]);
     let one = folder.json("analyse srs row.mcap --bead 9 --format json");
     assert_eq!(one["beads"].as_array().unwrap().len(), 1);
     assert_eq!(one["beads"][0], report["beads"][1]);

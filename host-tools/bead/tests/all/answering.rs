@@ -121,29 +121,21 @@ impl AnsweringBead {
                     });
                 }
             }
-            Request::Raw { duration_ms } if self.scans.is_some() => {
-                let (all, scan) = (u64::from(*duration_ms) * 100, self.scans.unwrap());
-                for first_index in (0..all).step_by(32) {
-                    let codes = (first_index..all.min(first_index + 32)).map(scan);
-                    self.say(Raw {
-                        first_index,
-                        codes: Codes::pack(codes).unwrap(),
-                    });
+            Request::Raw { duration_ms } => {
+                let all = u64::from(*duration_ms) * 100;
+                // Without codes of its own it sends one frame.
+                let (scan, sent) = match self.scans {
+                    Some(scan) => (scan, all),
+                    None => ((|index: u64| [index as u16, 4095]) as fn(u64) -> [u16; 2], 32),
+                };
+                for first_index in (0..sent).step_by(32) {
+                    let codes = (first_index..sent.min(first_index + 32)).map(scan);
+                    let codes = Codes::pack(codes).unwrap();
+                    self.say(Raw { first_index, codes });
                 }
                 self.say(Link {
-                    raw_sent: all,
-                    ..Link::default()
-                });
-            }
-            // One frame, then the count.
-            Request::Raw { duration_ms } => {
-                self.say(Raw {
-                    first_index: 0,
-                    codes: Codes::pack((0..32).map(|code| [code, 4095 - code])).unwrap(),
-                });
-                self.say(Link {
-                    raw_sent: 32,
-                    raw_dropped: u64::from(*duration_ms) * 100 - 32,
+                    raw_sent: sent,
+                    raw_dropped: all - sent,
                     ..Link::default()
                 });
             }

@@ -19,7 +19,7 @@ use tungstenite::stream::MaybeTlsStream;
 use tungstenite::{Message, WebSocket};
 
 use crate::monitor::draws_pictures;
-use crate::program::{ROOT, RunningProgram, TestFolder, until};
+use crate::program::{ROOT, RunningProgram, TestFolder, assert_says, until};
 
 /// A page in a browser.
 struct Page {
@@ -120,15 +120,13 @@ fn hostile_bead(folder: &TestFolder) {
         [force as u16, 128, 2048, 2048].map(|code: u16| code + (sample % 2) as u16)
     });
     assert_eq!(bead.measure(&paper_settings(), codes), 1);
-    bead.say(
-        0,
-        Fault {
-            cause: FaultCause::Panic,
-            boot: 0,
-            pc: 0,
-            detail: "<img src=x onerror=hit=1>".into(),
-        },
-    );
+    let fault = Fault {
+        cause: FaultCause::Panic,
+        boot: 0,
+        pc: 0,
+        detail: "<img src=x onerror=hit=1>".into(),
+    };
+    bead.say(0, fault);
     let listener = UnixListener::bind(folder.join("bead.sock")).unwrap();
     thread::spawn(move || {
         let (mut line, _) = listener.accept().unwrap();
@@ -143,12 +141,8 @@ fn status(url: &str, path: &str, headers: &str) -> String {
     let (host, token) = url.strip_prefix("http://").unwrap().split_once('/').unwrap();
     let mut line = TcpStream::connect(host).unwrap();
     let headers = headers.replace("HOST", host);
-    write!(
-        line,
-        "GET /{}{path} HTTP/1.1\r\n{headers}Connection: close\r\n\r\n",
-        token
-    )
-    .unwrap();
+    let request = format!("GET /{token}{path} HTTP/1.1\r\n{headers}Connection: close\r\n\r\n");
+    line.write_all(request.as_bytes()).unwrap();
     let mut answer = String::new();
     BufReader::new(line).read_line(&mut answer).unwrap();
     answer.split(' ').nth(1).unwrap().to_owned()
@@ -160,51 +154,33 @@ fn a_page_shows_text_of_a_bead_as_text_and_only_the_page_itself_gets_an_answer()
     hostile_bead(&folder);
     let mut monitor = folder.start("monitor --port unix:bead.sock --web --out a.mcap");
     let url = url(&mut monitor);
-    assert_eq!(status(&url, "", "Host: HOST\r\n"), "200");
-    assert_eq!(status(&url, "page.js", "Host: HOST\r\n"), "200");
-    assert_eq!(status(&url, "", "Host: evil.example\r\n"), "403");
-    assert_eq!(
-        status(&url, "", "Host: HOST\r\nOrigin: http://evil.example\r\n"),
-        "403"
-    );
-    assert_eq!(
-        status(
-            &url.replace(|digit: char| digit.is_ascii_hexdigit() && digit > '9', "0"),
-            "",
-            "Host: HOST\r\n"
-        ),
-        "404"
-    );
+    let (own, evil) = ("Host: HOST\r\n", "Origin: http://evil.example\r\n");
     let upgrade = "Host: HOST\r\nConnection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\n\
                    Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n";
-    assert_eq!(status(&url, "live", upgrade), "403");
-    assert_eq!(
-        status(&url, "live", &format!("{upgrade}Origin: http://evil.example\r\n")),
-        "403"
-    );
-    assert_eq!(
-        status(&url, "live", &format!("{upgrade}Origin: http://HOST\r\n")),
-        "101"
-    );
+    for (path, headers, expected) in [
+        ("", own, "200"),
+        ("page.js", own, "200"),
+        ("", "Host: evil.example\r\n", "403"),
+        ("", &format!("{own}{evil}"), "403"),
+        ("live", upgrade, "403"),
+        ("live", &format!("{upgrade}{evil}"), "403"),
+        ("live", &format!("{upgrade}Origin: http://HOST\r\n"), "101"),
+    ] {
+        assert_eq!(status(&url, path, headers), expected, "{path} {headers}");
+    }
+    let other = url.replace(|digit: char| digit.is_ascii_hexdigit() && digit > '9', "0");
+    assert_eq!(status(&other, "", own), "404");
 
     let Some(mut page) = Page::open(&folder, &url) else {
         return;
     };
     page.until("document.querySelectorAll('#strikes tbody tr').length === 1");
     page.until("document.getElementById('messages').textContent.includes('<img src=x onerror=hit=1>')");
-    assert_eq!(
-        page.value("document.querySelectorAll('img').length + (window.hit ?? 0)"),
-        0
-    );
-    assert_eq!(
-        page.value("document.querySelectorAll('#curves canvas').length"),
-        3
-    );
+    let hits = page.value("document.querySelectorAll('img').length + (window.hit ?? 0)");
+    let curves = page.value("document.querySelectorAll('#curves canvas').length");
+    assert_eq!((hits, curves), (0.into(), 3.into()));
     let title = page.value("document.getElementById('title').textContent");
-    assert!(
-        title.as_str().unwrap().starts_with("Strike 0 of bead 7"),
-        "{title}"
-    );
+    assert_says(title.as_str().unwrap(), "Strike 0 of bead 7");
     // A browser that comes back finds the state again.
     page.ask("Page.reload", json!({}));
     page.until("document.querySelectorAll('#strikes tbody tr').length === 1");

@@ -3,7 +3,7 @@
 use hertz_chain::Scenario;
 use serde_json::Value;
 
-use crate::program::{DATA, ROOT, TestFolder, assert_says, python, said};
+use crate::program::{DATA, ROOT, TestFolder, assert_says, done, python, said};
 use crate::rows::{ModelBead, record};
 
 /// Uncertainties as a laboratory would state them.
@@ -33,10 +33,8 @@ damping_with_mass = 0.15
 /// A folder with a recording, a file of settings that states uncertainties, and one that states none.
 fn folder() -> TestFolder {
     let folder = TestFolder::new();
-    folder.write(
-        "x.mcap",
-        std::fs::read(format!("{DATA}/recording-v1.mcap")).unwrap(),
-    );
+    let recording = std::fs::read(format!("{DATA}/recording-v1.mcap"));
+    folder.write("x.mcap", recording.unwrap());
     folder.done("settings make --template unknown.toml");
     folder.write("stated.toml", folder.text("unknown.toml") + STATED);
     folder
@@ -51,10 +49,10 @@ fn gtc_combines_the_same_inputs_to_the_same_uncertainties() {
     }
     let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/budget_by_gtc.py");
     if let Some(printed) = python(&folder, &[script, "stated.json", "unknown.json"]) {
-        assert_eq!(
-            printed,
-            "strike 0: 17 inputs, 3 correlations\nstrike 0: 4 inputs, 0 correlations\n"
-        );
+        let [stated, unknown] = [(17, 3), (4, 0)];
+        let line =
+            |(inputs, correlations)| format!("strike 0: {inputs} inputs, {correlations} correlations\n");
+        assert_eq!(printed, line(stated) + &line(unknown));
     }
 }
 
@@ -77,20 +75,15 @@ fn unknown_uncertainties_and_an_expired_calibration_are_said_in_a_line() {
     let folder = folder();
     let unknown = folder.run("budget x.mcap --page budget.html");
     assert_says(&said(&unknown), "the settings state no uncertainties");
-    let printed = String::from_utf8(unknown.stdout).unwrap();
+    let printed = done(unknown);
     assert_says(&printed, "unknown uncertainties: force gain, force gain ratio,");
     assert_says(&folder.text("budget.html"), "A and B are not judged by it");
     // The strike of this recording has no day, so it is judged by today.
-    folder.write(
-        "late.toml",
-        folder.text("stated.toml").replace("2027-01-31", "2026-02-01"),
-    );
+    let late = folder.text("stated.toml").replace("2027-01-31", "2026-02-01");
+    folder.write("late.toml", late);
     let late = folder.run("budget x.mcap --uncertainty late.toml");
     assert_says(&said(&late), "the calibration shaker 17 expired on 2026-02-01");
-    assert_says(
-        &String::from_utf8(late.stdout).unwrap(),
-        "simple acceptance (JCGM 106, 8.2)",
-    );
+    assert_says(&done(late), "simple acceptance (JCGM 106, 8.2)");
 }
 
 #[test]
@@ -99,22 +92,16 @@ fn the_ratio_of_two_beads_lacks_what_they_share_if_they_name_one_calibration() {
     let scenario = format!("{ROOT}/docs/scenarios/ten-intruders.toml");
     let scenario = Scenario::load(scenario).unwrap();
     record(&folder.join("row.mcap"), &scenario, &[7, 8].map(ModelBead::at), 1);
-    folder.write(
-        "unnamed.toml",
-        folder
-            .text("stated.toml")
-            .replace("calibration = \"shaker 17\"\n", ""),
-    );
+    let name = "calibration = \"shaker 17\"\n";
+    folder.write("unnamed.toml", folder.text("stated.toml").replace(name, ""));
     let ratio = |file: &str| -> Value {
         let mut report = folder.json(&format!("budget row.mcap --uncertainty {file} --format json"));
         assert_eq!(report["beads"].as_array().unwrap().len(), 2);
         report["ratios"][0].take()
     };
     let (shared, apart) = (ratio("stated.toml"), ratio("unnamed.toml"));
-    assert_eq!(
-        (&shared["shares_calibration"], &apart["shares_calibration"]),
-        (&true.into(), &false.into())
-    );
+    let shares = [&shared, &apart].map(|one| &one["shares_calibration"]);
+    assert_eq!(shares, [true, false]);
     let u = |ratio: &Value, result: &str| ratio[result]["u"].as_f64().unwrap();
     // Without what is shared, k, c and m of both are left: of A sqrt(2) of 2.1 %.
     for result in ["measured", "predicted"] {

@@ -59,49 +59,21 @@ fn a_person_without_hardware_calibrates_a_bead_by_the_commands_of_the_page() {
     let lines: Vec<String> = blocks(&page).into_iter().map(|(_, line)| line).collect();
     // A line that ends with a backslash goes on.
     let typed = lines.join("\n").replace("\\\n", "");
-    let printed: Vec<(String, String)> = typed
-        .lines()
-        .map(|line| (line.to_owned(), shell(&folder, line)))
-        .collect();
+    let printed: Vec<_> = typed.lines().map(|line| (line, shell(&folder, line))).collect();
     assert_eq!(printed.len(), 15);
-    for made in [
-        "drop.html",
-        "force.html",
-        "shaker.html",
-        "bead.settings",
-        "drops.mcap",
-        "run/bead-8.mcap",
-    ] {
+    let made = "drop.html force.html shaker.html bead.settings drops.mcap run/bead-8.mcap";
+    for made in made.split(' ') {
         assert!(folder.join(made).metadata().unwrap().len() > 100, "{made}");
     }
     let settings = folder.text("bead.toml");
-    for key in [
-        "force_gain",
-        "acceleration_gain",
-        "front_mass",
-        "intruder_mass",
-        "bead_mass",
-        "stiffness",
-        "damping",
-        "stiffness_with_damping",
-        "stiffness_with_mass",
-        "damping_with_mass",
-        "calibration",
-        "calibrated",
-        "voltage",
-    ] {
-        assert!(
-            settings
-                .lines()
-                .any(|line| line.starts_with(&format!("{key} = "))),
-            "{key}\n{settings}"
-        );
+    let keys = "force_gain acceleration_gain front_mass intruder_mass bead_mass stiffness damping stiffness_with_damping \
+                stiffness_with_mass damping_with_mass calibration calibrated voltage";
+    for key in keys.split(' ') {
+        assert_says(&settings, &format!("\n{key} = "));
     }
     assert_eq!(settings.matches("# calibrated ").count(), 10, "{settings}");
-    let (_, budget) = printed
-        .iter()
-        .find(|(line, _)| line.contains("bead budget"))
-        .unwrap();
+    let mut budgets = printed.iter().filter(|(line, _)| line.contains("bead budget"));
+    let (_, budget) = budgets.next().unwrap();
     assert_says(budget, "unknown uncertainties: ");
     assert!(!budget.contains("unknown uncertainties: force gain,"), "{budget}");
 }
@@ -119,14 +91,12 @@ fn a_drop_that_missed_or_grazed_is_named_and_the_others_give_the_gain() {
     assert!(off.abs() < number(&result["expanded"]), "{result}");
     assert_eq!(report["observations"].as_array().unwrap().len(), 4);
     let said = said(&output);
-    assert_says(
-        &said,
-        "left out: drops.mcap, drop 1: no second landing came within 0.286 s",
-    );
-    assert_says(
-        &said,
-        "left out: drops.mcap, drop 3: its impulse is off the others' by -50 %",
-    );
+    for out in [
+        "drop 1: no second landing came within 0.286 s",
+        "drop 3: its impulse is off the others' by -50 %",
+    ] {
+        assert_says(&said, &format!("left out: drops.mcap, {out}"));
+    }
 }
 
 #[test]
@@ -155,10 +125,8 @@ fn conformity_takes_the_uncertainty_into_account_and_an_expired_reference_is_ref
     let truth = record(&folder, "drops.mcap", Vec::new());
     let off = 100.0 * (truth / paper_settings().description().force.per_code - 1.0);
     let judged = |tolerance: f64| {
-        let line = format!(
-            "calibrate drop drops.mcap {STATED} --tolerance {:.4}%",
-            off.abs() + tolerance
-        );
+        let tolerance = off.abs() + tolerance;
+        let line = format!("calibrate drop drops.mcap {STATED} --tolerance {tolerance:.4}%");
         folder.run(&line).status.code()
     };
     println!("the settings are off by {off:.2} %");
@@ -170,11 +138,8 @@ fn conformity_takes_the_uncertainty_into_account_and_an_expired_reference_is_ref
         "\n[[reference]]\nname = \"balance 7\"\ncertificate = \"K-1\"\nvalid_until = \"2026-03-31\"\n";
     folder.write("about.toml", folder.text("about.toml") + reference);
     let line = format!("calibrate drop drops.mcap {STATED} --about about.toml --page page.html --date");
-    folder.refused(
-        &format!("{line} 2026-04-01"),
-        2,
-        "the certificate K-1 of balance 7 expired on 2026-03-31",
-    );
+    let expired = "the certificate K-1 of balance 7 expired on 2026-03-31";
+    folder.refused(&format!("{line} 2026-04-01"), 2, expired);
     folder.done(&format!("{line} 2026-04-01 --doubtful"));
     assert_says(&folder.text("page.html"), "In spite of this: the certificate K-1");
     folder.done(&format!("{line} 2026-03-31 --overwrite"));
@@ -198,12 +163,8 @@ fn the_image_in_qemu_calibrates_to_its_truth() {
 fn a_live_bead_is_recorded_until_its_drops_are_done() {
     let folder = TestFolder::new();
     let truth = record(&folder, "sent.mcap", Vec::new());
-    let sent: Vec<u8> = Recording::open(&folder.join("sent.mcap"))
-        .unwrap()
-        .pieces()
-        .unwrap()
-        .flat_map(|piece| piece.bytes.to_vec())
-        .collect();
+    let sent = Recording::open(&folder.join("sent.mcap")).unwrap();
+    let sent: Vec<u8> = sent.pieces().unwrap().flat_map(|piece| piece.bytes).collect();
     let listener = UnixListener::bind(folder.join("line.sock")).unwrap();
     let bead = thread::spawn(move || {
         let (mut stream, _) = listener.accept().unwrap();
@@ -220,21 +181,15 @@ fn a_live_bead_is_recorded_until_its_drops_are_done() {
     assert_says(&said, "drop the ball from 100.0 mm, 6 times");
     assert_says(&said, "now, 6 of 6");
     let report: Value = serde_json::from_slice(&output.stdout).unwrap();
-    let result = &report["results"][0];
-    assert!(
-        (number(&result["value"]) - truth).abs() < number(&result["expanded"]),
-        "{said}"
-    );
+    let [value, expanded] = ["value", "expanded"].map(|key| number(&report["results"][0][key]));
+    assert!((value - truth).abs() < expanded, "{said}");
     assert!(folder.join("live.mcap").exists());
 }
 
 /// A tone of 160 Hz at both sensors, 400 codes of force and 700 of acceleration at its top.
 fn tone(index: u64) -> [u16; 2] {
     let sine = (std::f64::consts::TAU * 160.0 * index as f64 * 1e-5).sin();
-    [
-        (2000.0 + 400.0 * sine).round() as u16,
-        (2048.0 + 700.0 * sine).round() as u16,
-    ]
+    [2000.0 + 400.0 * sine, 2048.0 + 700.0 * sine].map(|code: f64| code.round() as u16)
 }
 
 #[test]

@@ -6,14 +6,14 @@ use std::path::Path;
 
 use crate::channels::record_again;
 use crate::program::{TestFolder, assert_says, done, python, said};
-use crate::recover::old_bytes;
+use crate::recover::{is_of, old_bytes};
 use crate::rows::{ModelBead, record};
 use bead_recording::file::{About, Recording, RecordingWriter};
-use bead_recording::frames::{Item, decode};
+use bead_recording::frames::Item;
 use bead_recording::signal::Signal;
 use bead_recording::strikes::{RecordedStrike, assemble};
 use bead_tables::whole::Target;
-use bead_wire::Message;
+use bead_wire::Kind;
 use hertz_chain::Scenario;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::record::Field;
@@ -178,17 +178,10 @@ fn tables_hold_the_recording_bit_for_bit() {
 #[test]
 fn strikes_without_settings_are_codes_in_tables_and_left_out_of_universal_files() {
     let folder = TestFolder::new();
-    let is_settings = |run: &&[u8]| {
-        let (frames, _) = decode(run);
-        frames
-            .iter()
-            .any(|frame| matches!(frame.message, Message::Settings(_)))
-    };
     let bytes = old_bytes();
-    let runs = bytes
-        .split_inclusive(|byte| *byte == 0)
-        .filter(|run| !is_settings(run));
-    folder.write("raw.bin", runs.collect::<Vec<_>>().concat());
+    let runs = bytes.split_inclusive(|byte| *byte == 0);
+    let bare: Vec<_> = runs.filter(|run| !is_of(run, Kind::Settings)).collect();
+    folder.write("raw.bin", bare.concat());
     folder.done("recover raw.bin --out bare.mcap");
     for (form, count, reason) in [
         ("csv", "1 strike with 672 samples", "1 of them came without"),
@@ -197,8 +190,8 @@ fn strikes_without_settings_are_codes_in_tables_and_left_out_of_universal_files(
         let output = folder.run(&format!("export bare.mcap --out tables --format {form}"));
         let said = said(&output);
         done(output);
-        assert!(said.contains(count) && said.contains(reason), "{said}");
-        assert!(!said.contains("no strike in it"), "{said}");
+        let is_told = said.contains(count) && said.contains(reason);
+        assert!(is_told && !said.contains("no strike in it"), "{said}");
     }
 }
 
@@ -225,10 +218,8 @@ fn the_columns_and_the_bytes_are_the_same_every_time() {
     let groups = "bead_name conditions_ left_ settings_followers_ settings_sensor_end_ settings_supply_ \
                   settings_uncertainty_ u_ uncertainty_ waveform_";
     for (name, _) in unknown {
-        assert!(
-            groups.split_whitespace().any(|group| name.starts_with(group)),
-            "{name}"
-        );
+        let mut groups = groups.split_whitespace();
+        assert!(groups.any(|group| name.starts_with(group)), "{name}");
     }
     // Tables are replaced only with --overwrite, by the same bytes.
     let read = || folder.read("strike/samples.parquet");
@@ -262,22 +253,15 @@ fn pandas_polars_xarray_pyuff_and_mcap_read_the_same_bits() {
 fn a_window_without_its_first_frames_is_exported_with_the_gap_as_null_and_what_came_is_counted() {
     let folder = TestFolder::new();
     let scenario = Scenario::paper();
-    let bead = |frames_lost| ModelBead {
-        bead: 8,
-        frames_lost,
-        ..ModelBead::default()
-    };
-    record(&folder.join("whole.mcap"), &scenario, &[bead(0)], 1);
-    record(&folder.join("lossy.mcap"), &scenario, &[bead(1)], 1);
-    let [whole, lossy] = ["whole", "lossy"].map(|name| {
+    let [whole, lossy] = [("whole", 0), ("lossy", 1)].map(|(name, frames_lost)| {
+        let mut bead = ModelBead::at(8);
+        (bead.synced, bead.frames_lost) = (false, frames_lost);
+        record(&folder.join(format!("{name}.mcap")), &scenario, &[bead], 1);
         folder.done(&format!("export {name}.mcap --out {name} --format csv"));
         let column = |table: &str, column| csv(&folder.join(format!("{name}/{table}.csv")), column);
         let received = column("strikes", "samples_received")[0].parse().unwrap();
-        (
-            received,
-            column("samples", "sample_index"),
-            column("samples", "force_code"),
-        )
+        let [index, code] = ["sample_index", "force_code"].map(|name| column("samples", name));
+        (received, index, code)
     });
     let first = 672usize.strict_sub(lossy.0);
     assert!((1..100).contains(&first) && whole.0 == 672, "{first}");

@@ -4,8 +4,9 @@ use std::fs;
 use std::os::unix::fs::PermissionsExt;
 use std::process::{Command, Output};
 
-use crate::program::{PROGRAM, ROOT, TestFolder, done, json, refused, said};
+use crate::program::{PROGRAM, ROOT, TestFolder, assert_says, done, fields, json, refused, said};
 use crate::schema::assert_valid;
+use serde_json::json;
 
 /// An ELF file of one loaded segment at 0x0800_0000: vectors, the name of an image for a board, and filling.
 pub(crate) fn image(board: &str, length: usize) -> (Vec<u8>, Vec<u8>) {
@@ -27,11 +28,8 @@ pub(crate) fn image_at(address: u32, board: &str, length: usize) -> (Vec<u8>, Ve
     elf.extend([1, address, 52, 0, 0_u32].map(u32::to_le_bytes).concat());
     elf.extend([52, 32, 1, 40, 0, 0_u16].map(u16::to_le_bytes).concat());
     let bytes = length as u32;
-    elf.extend(
-        [1, 84, address, address, bytes, bytes, 0, 4]
-            .map(u32::to_le_bytes)
-            .concat(),
-    );
+    let segment = [1, 84, address, address, bytes, bytes, 0, 4];
+    elf.extend(segment.map(u32::to_le_bytes).concat());
     elf.extend(&flat);
     (elf, flat)
 }
@@ -114,10 +112,8 @@ impl FakeProbe {
     fn run(&self, line: &str) -> Output {
         let path = std::env::var("PATH").unwrap();
         let mut command = Command::new(PROGRAM);
-        command
-            .current_dir(&*self.folder)
-            .args(["flash", "--probe"])
-            .args(line.split_whitespace());
+        command.current_dir(&*self.folder).args(["flash", "--probe"]);
+        command.args(line.split_whitespace());
         command.env("PATH", format!("{}:{path}", self.folder.join("bin").display()));
         // Set by somebody who tries things out, it would make every command of probe-rs a play.
         command.env("PROBE_RS_DRY_RUN", "1");
@@ -130,12 +126,10 @@ impl FakeProbe {
 
     /// Asserts that the command fails so, and that nothing of the part was changed.
     fn refused(&self, line: &str, status: i32, part: &str) {
-        let before = (self.folder.text("part/optcr"), self.folder.read("part/flash"));
+        let state = || ["part/optcr", "part/flash"].map(|name| self.folder.read(name));
+        let before = state();
         refused(&self.run(line), status, part);
-        assert!(
-            before == (self.folder.text("part/optcr"), self.folder.read("part/flash")),
-            "{line}: {part}"
-        );
+        assert!(before == state(), "{line}: {part}");
     }
 }
 
@@ -143,34 +137,20 @@ impl FakeProbe {
 fn an_image_is_flashed_compared_and_named_before_and_after_and_the_brown_out_level_is_told() {
     let bench = FakeProbe::new();
     let first = bench.run("image --format json");
-    assert!(
-        said(&first).contains("the brown-out reset is at level 0"),
-        "{}",
-        said(&first)
-    );
+    assert_says(&said(&first), "the brown-out reset is at level 0");
     let first = json(first);
     assert_valid(&format!("{ROOT}/docs/schemas"), "flash", &first);
     assert!(first["before"].is_null());
     let flat = bench.folder.read("image.bin");
     assert!(bench.folder.read("part/flash").starts_with(&flat));
     let again = json(bench.run("image --format json"));
-    for (key, value) in [
-        ("version", "9.8.7"),
-        ("git", "0123456789ab"),
-        ("board", "weact-f405"),
-    ] {
-        assert_eq!(again["before"][key], value);
-        assert_eq!(again["after"][key], value);
-    }
+    let name = json!({ "version": "9.8.7", "git": "0123456789ab", "board": "weact-f405" });
+    assert_eq!((&again["before"], &again["after"]), (&name, &name));
     assert_eq!(again["part"], 0x413);
-    assert_eq!(again["sectors"], serde_json::json!([0, 1]));
-    let log = bench.log();
-    assert!(
-        log.ends_with("reset --chip STM32F405RGTx --probe 0483:374b:0670FF34\n"),
-        "{log}"
-    );
-    let table = done(bench.run("image"));
-    assert!(table.contains("9.8.7 (0123456789ab) for weact-f405"), "{table}");
+    assert_eq!(again["sectors"], json!([0, 1]));
+    let reset = "reset --chip STM32F405RGTx --probe 0483:374b:0670FF34\n";
+    assert!(bench.log().ends_with(reset), "{}", bench.log());
+    assert_says(&done(bench.run("image")), "9.8.7 (0123456789ab) for weact-f405");
 }
 
 #[test]
@@ -179,11 +159,8 @@ fn one_of_several_probes_is_named_by_its_serial_number() {
     bench.folder.write("part/list", format!("{PROBE}{SECOND}"));
     let both = "there are several debug probes (0483:374b:0670FF34, 1366:0101-0:000801)";
     bench.refused("image", 2, both);
-    bench.refused(
-        "image --serial 7",
-        2,
-        "no debug probe has the serial number 7; there are 0483",
-    );
+    let none = "no debug probe has the serial number 7; there are 0483";
+    bench.refused("image --serial 7", 2, none);
     for serial in ["000801", "1366:0101-0:000801"] {
         done(bench.run(&format!("image --serial {serial} --under-reset")));
         let wanted = "reset --chip STM32F405RGTx --probe 1366:0101-0:000801 --connect-under-reset\n";
@@ -195,71 +172,22 @@ fn one_of_several_probes_is_named_by_its_serial_number() {
 
 #[test]
 fn a_part_that_cannot_be_a_bead_or_cannot_be_flashed_is_left_as_it_is() {
-    for (file, contents, status, part) in [
-        (
-            "idcode",
-            "10076421\n",
-            2,
-            "the part is 0x421 (STM32F446, which has no core-coupled memory), not 0x413",
-        ),
-        (
-            "optcr",
-            "0fff55ed\n",
-            2,
-            "the part is locked (read protection level 1)",
-        ),
-        (
-            "optcr",
-            "0ffdaaed\n",
-            2,
-            "sector 1 of the part's flash is protected from writing",
-        ),
-        (
-            "optcr",
-            "ffffffff\n",
-            3,
-            "option bytes read 0xffffffff, which they cannot be",
-        ),
-        (
-            "idcode",
-            "Error\n",
-            3,
-            "said something else: Error; `probe-rs --version`",
-        ),
-        (
-            "fail-read",
-            "Error: No connected\x1b core\n\n  caused by: nothing",
-            3,
-            "No connected\\u001b core caused by",
-        ),
-        (
-            "fail-read",
-            "Error: x",
-            3,
-            "--under-reset; a part at read protection level 2 answers no probe",
-        ),
-        (
-            "fail-list",
-            "error: unrecognized subcommand 'list'",
-            3,
-            "this probe-rs is too old",
-        ),
-        (
-            "fail-read",
-            "Access denied (insufficient permissions)",
-            3,
-            "on Linux it needs udev rules",
-        ),
-        (
-            "fail-read",
-            "could not claim interface: busy",
-            3,
-            "another program has the probe",
-        ),
+    for row in [
+        "idcode | 10076421 | 2 | the part is 0x421 (STM32F446, which has no core-coupled memory), not 0x413",
+        "optcr | 0fff55ed | 2 | the part is locked (read protection level 1)",
+        "optcr | 0ffdaaed | 2 | sector 1 of the part's flash is protected from writing",
+        "optcr | ffffffff | 3 | option bytes read 0xffffffff, which they cannot be",
+        "idcode | Error | 3 | said something else: Error; `probe-rs --version`",
+        "fail-read | Error: No connected\x1b core\n\n  caused by: nothing | 3 | No connected\\u001b core caused by",
+        "fail-read | Error: x | 3 | --under-reset; a part at read protection level 2 answers no probe",
+        "fail-list | error: unrecognized subcommand 'list' | 3 | this probe-rs is too old",
+        "fail-read | Access denied (insufficient permissions) | 3 | on Linux it needs udev rules",
+        "fail-read | could not claim interface: busy | 3 | another program has the probe",
     ] {
+        let [file, contents, status, part] = fields(row);
         let bench = FakeProbe::new();
         bench.folder.write(&format!("part/{file}"), contents);
-        bench.refused("image --brownout", status, part);
+        bench.refused("image --brownout", status.parse().unwrap(), part);
     }
     let bench = FakeProbe::new();
     bench.folder.write("part/weak", "");
@@ -289,16 +217,10 @@ fn the_image_for_another_board_is_replaced_only_by_name() {
     let bench = FakeProbe::new();
     bench.put("other", "olimex-h405");
     done(bench.run("other"));
-    bench.refused(
-        "image",
-        2,
-        "the board has the image for 9.8.7 (0123456789ab) for olimex-h405, and this one is for weact",
-    );
-    bench.refused(
-        "image --board olimex-h405",
-        2,
-        "image is the image for weact-f405, not for olimex-h405",
-    );
+    let other = "the board has the image for 9.8.7 (0123456789ab) for olimex-h405, and this one is for weact";
+    bench.refused("image", 2, other);
+    let named = "image is the image for weact-f405, not for olimex-h405";
+    bench.refused("image --board olimex-h405", 2, named);
     done(bench.run("image --board weact-f405"));
 }
 
@@ -307,10 +229,8 @@ fn a_dry_run_prints_the_commands_and_runs_none() {
     let bench = FakeProbe::new();
     let printed = done(bench.run("image --dry-run --brownout --serial 0483:374b"));
     assert_eq!(bench.log(), "");
-    let commands: Vec<_> = printed
-        .lines()
-        .filter(|line| line.contains(" write ") || line.contains("load "))
-        .collect();
+    let is_write = |line: &&str| line.contains(" write ") || line.contains("load ");
+    let commands: Vec<_> = printed.lines().filter(is_write).collect();
     let common = "--chip STM32F405RGTx --probe 0483:374b";
     let expected = [
         format!("probe-rs write {common} b32 0x40023c08 0x08192a3b"),
@@ -324,15 +244,8 @@ fn a_dry_run_prints_the_commands_and_runs_none() {
 
 #[test]
 fn without_probe_rs_one_line_says_how_to_get_it_and_the_image_that_is_built_has_a_name() {
-    let folder = TestFolder::new();
     let mut command = Command::new(PROGRAM);
-    command
-        .current_dir(&*folder)
-        .args(["flash", "--probe"])
-        .env("PATH", "");
-    refused(
-        &command.output().unwrap(),
-        2,
-        "`cargo install probe-rs-tools --locked` installs it",
-    );
+    let output = command.args(["flash", "--probe"]).env("PATH", "").output();
+    let advice = "`cargo install probe-rs-tools --locked` installs it";
+    refused(&output.unwrap(), 2, advice);
 }

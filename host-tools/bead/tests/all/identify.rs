@@ -35,6 +35,14 @@ fn number(value: &Value) -> f64 {
     value.as_f64().unwrap_or_else(|| panic!("no number: {value}"))
 }
 
+/// The number behind a key of settings that has this place among the keys of its name.
+fn stated_at(settings: &str, key: &str, place: usize) -> f64 {
+    let begin = format!("{key} =");
+    let values = settings.lines().filter_map(|line| line.strip_prefix(&begin));
+    let value = values.map(|line| line.split('#').next().unwrap()).nth(place);
+    value.unwrap().trim().parse().unwrap()
+}
+
 /// Asserts that a value is true within a part, and within four standard errors.
 fn assert_found(report: &Value, symbol: &str, truth: f64, part: f64) {
     let one = quantity(report, symbol);
@@ -51,10 +59,8 @@ fn lmfit_finds_the_same_values_errors_and_correlation() {
     folder.write("identify.json", printed);
     let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/identify_by_lmfit.py");
     if let Some(printed) = python(&folder, &[script]) {
-        assert_says(
-            &printed,
-            "3 taps: k, c, their errors and correlation as lmfit has them",
-        );
+        let same = "3 taps: k, c, their errors and correlation as lmfit has them";
+        assert_says(&printed, same);
     }
 }
 
@@ -63,11 +69,8 @@ fn taps_give_k_c_and_the_gains_and_settings_that_a_bead_takes() {
     let folder = TestFolder::new();
     taps(&folder, "taps.mcap", 3.95e5, 4);
     folder.done("settings make --template begin.toml");
-    let begin = folder
-        .text("begin.toml")
-        .replace("395000.0", "420000.0")
-        .replace("12.0", "10.0");
-    folder.write("begin.toml", begin + STATED);
+    let begin = folder.text("begin.toml").replace("395000.0", "420000.0");
+    folder.write("begin.toml", begin.replace("12.0", "10.0") + STATED);
     let line = "--from begin.toml --out-settings found.toml --picture fit.svg --format json";
     let report = folder.json(&format!("identify taps.mcap {line}"));
     assert_found(&report, "k", 3.95e5, 0.002);
@@ -75,30 +78,21 @@ fn taps_give_k_c_and_the_gains_and_settings_that_a_bead_takes() {
     assert_eq!(quantity(&report, "m")["fitted"], false);
     // The balance's uncertainty is in those of k and c, and they are correlated through it.
     let stated = folder.text("found.toml");
-    let part = |key: &str| -> f64 {
-        let line = stated
-            .lines()
-            .find(|line| line.starts_with(&format!("{key} =")))
-            .unwrap();
-        line.split(['=', '#']).nth(1).unwrap().trim().parse().unwrap()
-    };
-    assert!(part("stiffness_with_mass") > 0.5, "{stated}");
+    assert!(stated_at(&stated, "stiffness_with_mass", 0) > 0.5, "{stated}");
     let u = number(&quantity(&report, "k")["relative_uncertainty"]);
-    assert!(u > 0.5 * part("intruder_mass"), "{u}");
+    assert!(u > 0.5 * stated_at(&stated, "intruder_mass", 0), "{u}");
     folder.done("settings make found.toml");
     let shown = folder.json("settings show found.settings --format json");
     let found = number(&shown["settings"]["intruder"]["stiffness"]);
-    assert!(
-        (found / number(&quantity(&report, "k")["value"]) - 1.0).abs() < 1e-9,
-        "{shown}"
-    );
+    let k = number(&quantity(&report, "k")["value"]);
+    assert!((found / k - 1.0).abs() < 1e-9, "{shown}");
     let picture = folder.text("fit.svg");
     assert!(picture.contains("before the fit") && picture.contains("after the fit"));
 
     let pairs = folder.json("identify taps.mcap --method pairs --fit k,c,m,gF,ga --format json");
-    assert_found(&pairs, "k", 3.95e5, 0.002);
-    assert_found(&pairs, "c", 12.0, 0.01);
-    assert_found(&pairs, "ga", 1.0, 0.002);
+    for (symbol, truth, part) in [("k", 3.95e5, 0.002), ("c", 12.0, 0.01), ("ga", 1.0, 0.002)] {
+        assert_found(&pairs, symbol, truth, part);
+    }
     for symbol in ["m", "gF"] {
         let why = quantity(&pairs, symbol)["held_because"].as_str().unwrap();
         assert_says(why, "cannot be told apart");
@@ -125,18 +119,10 @@ fn strikes_of_a_chain_give_k_c_young_and_tau() {
     assert_found(&report, "c", truth.intruders[0].damping, 0.02);
     assert_found(&report, "Y", truth.chain.young, 0.005);
     assert_found(&report, "tau", truth.chain.relaxation, 0.03);
-    assert!(
-        number(&report["beads"][0]["goodness"]["probability"]) > 0.001,
-        "{report}"
-    );
-    let found = folder.text("found.toml");
-    let line = found
-        .lines()
-        .filter(|line| line.starts_with("stiffness ="))
-        .nth(1)
-        .unwrap();
-    let kappa: f64 = line.split(['=', '#']).nth(1).unwrap().trim().parse().unwrap();
-    assert!((kappa / 3.626_04e8 - 1.0).abs() < 0.005, "{line}");
+    let probability = number(&report["beads"][0]["goodness"]["probability"]);
+    assert!(probability > 0.001, "{report}");
+    let kappa = stated_at(&folder.text("found.toml"), "stiffness", 1);
+    assert!((kappa / 3.626_04e8 - 1.0).abs() < 0.005, "{kappa}");
 }
 
 #[test]
@@ -153,10 +139,8 @@ fn a_bead_that_has_changed_is_said_and_strikes_that_have_no_ringing_are_named() 
     lossy.frames_lost = 6;
     record(&folder.join("lossy.mcap"), &tapped(3.95e5), &[lossy], 2);
     let output = folder.run("identify lossy.mcap monday.mcap --format json");
-    assert_says(
-        &said(&output),
-        "bead 1: 1 strike left out: lossy.mcap, strike 0: ",
-    );
+    let line = "bead 1: 1 strike left out: lossy.mcap, strike 0: ";
+    assert_says(&said(&output), line);
     let report: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(report["beads"][0]["strikes"].as_array().unwrap().len(), 3);
 }

@@ -148,10 +148,8 @@ fn fixture(folder: &Path) {
     write("beyond.elf", &image_at(0x080f_ff00, "weact-f405", 1000).0);
     write("cut.elf", &image_at(0x0800_0000, "weact-f405", 1000).0[..1000]);
     write("store.elf", &image_at(0x080c_0000, "weact-f405", 1000).0);
-    write(
-        "other.elf",
-        &image_at(0x0800_0000, "no board of this world", 1000).0,
-    );
+    let other = image_at(0x0800_0000, "no board of this world", 1000);
+    write("other.elf", &other.0);
     // Waveforms of 60 rows, most with one thing wrong.
     let force = |n: i32| 5.0 * (-f64::from(n - 30).powi(2) / 40.0).exp();
     let line = |n: i32| format!("{:.6},{:.6}", f64::from(n) * 1e-5, force(n));
@@ -172,10 +170,8 @@ fn fixture(folder: &Path) {
     wrong_scenarios(&scenario, &write);
     let bench = |tables: &str| format!("{scenario}\n{tables}\n").into_bytes();
     write("bench.toml", &bench("[front_end]\nforce_span = 0.0"));
-    write(
-        "wired.toml",
-        &bench("[[analog_wire]]\nfrom = \"PA4\"\nto = \"PA0\""),
-    );
+    let wire = "[[analog_wire]]\nfrom = \"PA4\"\nto = \"PA0\"";
+    write("wired.toml", &bench(wire));
     write("clocks.toml", &bench("[clock]\nppm = [20.0, -35.0]"));
     symlink("nothing", folder.join("nowhere.mcap")).unwrap();
     symlink("loop.toml", folder.join("loop.toml")).unwrap();
@@ -195,12 +191,8 @@ fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
         if kind.is_dir() {
             found.extend(contents(&path));
         } else {
-            let bytes = if kind.is_file() {
-                fs::read(&path).unwrap()
-            } else {
-                Vec::new()
-            };
-            found.insert(path, bytes);
+            let bytes = kind.is_file().then(|| fs::read(&path).unwrap());
+            found.insert(path, bytes.unwrap_or_default());
         }
     }
     found
@@ -222,11 +214,10 @@ fn word(text: &str, ports: &Path) -> OsString {
 
 /// Runs a command line. One that takes longer than a minute ends with status 124.
 fn run(words: &str, folder: &Path, ports: &Path) -> Output {
-    let (line, is_full) = (
-        words.trim_end_matches(" > /dev/full"),
-        words.ends_with(" > /dev/full"),
-    );
-    let (line, is_head) = (line.trim_end_matches(" | head -1"), line.ends_with(" | head -1"));
+    let [is_full, is_head] = [" > /dev/full", " | head -1"].map(|end| words.ends_with(end));
+    let line = words
+        .trim_end_matches(" > /dev/full")
+        .trim_end_matches(" | head -1");
     let (line, input) = line.split_once(" < ").unwrap_or((line, "/dev/null"));
     let mut command = Command::new("timeout");
     command.current_dir(folder).args(["60", PROGRAM]);
@@ -280,9 +271,7 @@ fn try_case(case: &InputCase, ports: &Path) -> Result<(), String> {
         }
     }
     // A recording is kept, whatever happens.
-    let records = ["record", "monitor"]
-        .iter()
-        .any(|command| case.words.starts_with(command));
+    let records = case.words.starts_with("record") || case.words.starts_with("monitor");
     let keeps = case.status < 2 || records && case.status == 3;
     match after.keys().find(|path| !before.contains_key(*path)) {
         Some(new) if !keeps => Err(format!("{} is left", new.display())),
@@ -323,10 +312,8 @@ fn every_wrong_input_is_told_in_one_line_and_loses_nothing() {
     }
     let failed = cases.par_iter().filter_map(|case| {
         let what = try_case(case, ports.path()).err()?;
-        Some(format!(
-            "inputs.txt:{}: bead {}: {what}\n",
-            case.number, case.words
-        ))
+        let InputCase { number, words, .. } = case;
+        Some(format!("inputs.txt:{number}: bead {words}: {what}\n"))
     });
     let failed: String = failed.collect();
     assert!(failed.is_empty(), "of {} rows:\n{failed}", cases.len());

@@ -89,18 +89,11 @@ fn an_emulated_run_that_is_interrupted_leaves_no_file_and_no_qemu() {
         until("QEMU runs", || !children(pid).is_empty());
         let qemu = children(pid);
         thread::sleep(Duration::from_millis(200));
-        signal(
-            name,
-            &if is_group {
-                format!("-- -{pid}")
-            } else {
-                pid.to_string()
-            },
-        );
+        let group = if is_group { "-- -" } else { "" };
+        signal(name, &format!("{group}{pid}"));
         leaves_nothing(interrupted, status, &directory);
-        until("QEMU has ended", || {
-            qemu.iter().all(|pid| running(*pid).is_none())
-        });
+        let has_ended = || qemu.iter().all(|pid| running(*pid).is_none());
+        until("QEMU has ended", has_ended);
         until("the temporary folder is empty", || temporary.names().is_empty());
     }
 }

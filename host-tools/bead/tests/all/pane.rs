@@ -1,7 +1,6 @@
 //! The cells of a terminal as a picture that looks alike in every browser: letters at their places, and what
 //! fonts draw differently, dots of Braille and frames, as shapes.
 
-use std::fmt::Write;
 use std::iter::Peekable;
 use std::str::Chars;
 
@@ -81,16 +80,13 @@ fn cell(out: &mut String, letter: char, [x, y]: [f64; 2], attributes: Attributes
     if attributes.is_reversed {
         // A little wider, so that no gap is seen between two.
         let wide = WIDE + 0.3;
-        writeln!(
-            out,
-            "<rect x=\"{x:.1}\" y=\"{y}\" width=\"{wide}\" height=\"{HIGH}\" fill=\"{ink}\"/>"
-        )
-        .unwrap();
+        *out +=
+            &format!("<rect x=\"{x:.1}\" y=\"{y}\" width=\"{wide}\" height=\"{HIGH}\" fill=\"{ink}\"/>\n");
         ink = PAPER;
     }
     let (middle, centre) = (x + WIDE / 2.0, y + HIGH / 2.0);
     let mut stroke =
-        |path: String| writeln!(out, "<path d=\"{path}\" stroke=\"#7a8594\" fill=\"none\"/>").unwrap();
+        |path: String| *out += &format!("<path d=\"{path}\" stroke=\"#7a8594\" fill=\"none\"/>\n");
     let [left, right, above, below] = [x, x + WIDE, y, y + HIGH];
     match letter {
         ' ' => {}
@@ -111,11 +107,7 @@ fn cell(out: &mut String, letter: char, [x, y]: [f64; 2], attributes: Attributes
             for (_, (across, down)) in set {
                 let dot_x = x + WIDE * (f64::from(across) + 0.5) / 2.0;
                 let dot_y = y + HIGH * (f64::from(down) + 0.5) / 4.0;
-                writeln!(
-                    out,
-                    "<circle cx=\"{dot_x:.1}\" cy=\"{dot_y:.1}\" r=\"1.4\" fill=\"{ink}\"/>"
-                )
-                .unwrap();
+                *out += &format!("<circle cx=\"{dot_x:.1}\" cy=\"{dot_y:.1}\" r=\"1.4\" fill=\"{ink}\"/>\n");
             }
         }
         letter => {
@@ -130,11 +122,7 @@ fn cell(out: &mut String, letter: char, [x, y]: [f64; 2], attributes: Attributes
                 ""
             };
             let base = y + 0.75 * HIGH;
-            writeln!(
-                out,
-                "<text x=\"{x:.1}\" y=\"{base:.1}\" fill=\"{ink}\"{weight}>{text}</text>"
-            )
-            .unwrap();
+            *out += &format!("<text x=\"{x:.1}\" y=\"{base:.1}\" fill=\"{ink}\"{weight}>{text}</text>\n");
         }
     }
 }

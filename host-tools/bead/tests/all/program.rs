@@ -63,6 +63,12 @@ pub(crate) fn assert_says(text: &str, part: &str) {
     assert!(text.contains(part), "\"{part}\" is not in: {text}");
 }
 
+/// The fields of a row of a table, between bars.
+pub(crate) fn fields<const N: usize>(row: &str) -> [&str; N] {
+    let fields: Vec<_> = row.split('|').map(str::trim).collect();
+    fields.try_into().unwrap_or_else(|_| panic!("{N} fields: {row}"))
+}
+
 /// Names of the entries of a folder, sorted.
 pub(crate) fn names(folder: &Path) -> Vec<String> {
     let entries = fs::read_dir(folder).unwrap();

@@ -60,6 +60,12 @@ pub(crate) fn old_bytes() -> Vec<u8> {
     old.pieces().unwrap().flat_map(|piece| piece.bytes).collect()
 }
 
+/// True if these bytes are a frame of a kind.
+pub(crate) fn is_of(run: &[u8], kind: Kind) -> bool {
+    let (frames, _) = decode(run);
+    frames.first().is_some_and(|frame| frame.message.kind() == kind)
+}
+
 /// Sends frames to a recorder and kills it, after a silence if the seed is even. Returns the number of frames
 /// sent more than `LOST_MOST` before, and of frames recovered.
 fn killed(seed: u64, folder: &TestFolder) -> (u32, u32) {
@@ -134,11 +140,8 @@ fn a_flood_of_strikes_of_noise_and_of_restarts_costs_bounded_memory_and_ends_at_
         assert!(recorder.child.wait().unwrap().code().is_some());
         let took = signalled.elapsed();
         let (sent, _) = sender.join().unwrap();
-        println!(
-            "{} MB sent, {} MB of memory, ended after {took:?}",
-            sent >> 20,
-            memory >> 10
-        );
+        let [sent_mb, memory_mb] = [sent >> 20, memory >> 10];
+        println!("{sent_mb} MB sent, {memory_mb} MB of memory, ended after {took:?}");
         // Twice, since a busy machine takes longer; without the signal it would go on for more than a minute.
         assert!(took < 2 * PATIENCE, "{took:?}");
         assert!(memory < MEMORY_MOST_KB, "{memory} kB after {sent} bytes");
@@ -153,12 +156,7 @@ fn a_recording_that_is_cut_within_a_strike_is_said_to_lack_its_result() {
     let folder = TestFolder::new();
     let sent = old_bytes();
     let runs: Vec<&[u8]> = sent.split_inclusive(|byte| *byte == 0).collect();
-    let is_strike = |run: &&[u8]| {
-        let (frames, _) = decode(run);
-        frames
-            .first()
-            .is_some_and(|frame| matches!(frame.message, Message::Strike(_)))
-    };
+    let is_strike = |run: &&[u8]| is_of(run, Kind::Strike);
     let first = runs.iter().position(is_strike).unwrap();
     for (kept, without) in [(runs.len(), 0), (first + 1, 0), (first, 1), (first - 3, 1)] {
         folder.write("uart.bin", runs[..kept].concat());

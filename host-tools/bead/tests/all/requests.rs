@@ -135,18 +135,14 @@ fn a_list_of_which_a_part_is_lost_is_asked_for_again_and_names_each_strike_once(
         }
         let strikes = lists.next().unwrap();
         bead.sequence += u32::from(lists.len() == 3);
-        for &strike in strikes {
-            let (boot, parts, bytes) = (0, 4, 100);
-            bead.say(
-                0,
-                Kept {
-                    boot,
-                    strike,
-                    parts,
-                    bytes,
-                },
-            );
-        }
+        let (boot, parts, bytes) = (0, 4, 100);
+        let kept = |strike| Kept {
+            boot,
+            strike,
+            parts,
+            bytes,
+        };
+        strikes.iter().for_each(|&strike| bead.say(0, kept(strike)));
         if lists.len() == 2 {
             bead.sequence += 1;
         } else {

@@ -92,11 +92,8 @@ impl RomLoader {
             (Waits::Command, _) => Some((Vec::new(), Waits::Complement(received[0]))),
             (Waits::Complement(command), _) if received[0] == !command => Some(self.command(command)),
             (Waits::Complement(_), _) => Some(nack),
-            (Waits::Address(command), 5) => Some(if sum == 0 {
-                self.address(command, &received)
-            } else {
-                nack
-            }),
+            (Waits::Address(_), 5) if sum != 0 => Some(nack),
+            (Waits::Address(command), 5) => Some(self.address(command, &received)),
             (Waits::Number(at), 2) if received[0] == !received[1] => {
                 let bytes = (at..)
                     .take(usize::from(received[0]) + 1)
@@ -200,10 +197,11 @@ impl RomLoader {
                     registers[(code >> 8 & 7) as usize] = self.word(((at + 4) & !3) + 4 * (code & 0xff))
                 }
                 0b01100 if code >> 6 & 31 == 0 => {
-                    stored = Some((
-                        registers[(code & 7) as usize],
-                        registers[(code >> 3 & 7) as usize],
-                    ));
+                    stored = Some(
+                        [code, code >> 3]
+                            .map(|number| registers[(number & 7) as usize])
+                            .into(),
+                    );
                 }
                 0b11100 if code & 0x7ff == 0x7fe => return stored,
                 _ => panic!("{code:#06x} at {at:#010x}"),
@@ -218,9 +216,8 @@ const LENGTH: usize = 20_001;
 /// Runs `bead flash --rom` with the loader at the other end.
 fn flash(folder: &TestFolder, words: &str, loader: &mut RomLoader) -> std::process::Output {
     folder.write("image", image("weact-f405", LENGTH).0);
-    asked(folder, &format!("flash --rom image {words}"), |bytes| {
-        loader.take(bytes)
-    })
+    let line = format!("flash --rom image {words}");
+    asked(folder, &line, |bytes| loader.take(bytes))
 }
 
 /// Asserts that the image is in flash, the sectors beside it are as they were, and the part was reset.
@@ -239,10 +236,7 @@ fn an_image_replaces_another_one_and_nothing_else_in_flash() {
     loader.flash[..old.len()].copy_from_slice(&old);
     let report = json(flash(&folder, "--format json", &mut loader));
     assert_valid(&format!("{ROOT}/docs/schemas"), "flash", &report);
-    assert_eq!(
-        (&report["before"]["version"], &report["after"]["board"]),
-        (&"9.8.7".into(), &"weact-f405".into())
-    );
+    assert!(report["before"]["version"] == "9.8.7" && report["after"]["board"] == "weact-f405");
     assert_flashed(&loader);
     assert_eq!(loader.erased, [0, 1]);
     assert!(loader.flash[LENGTH..32 << 10].iter().all(|byte| *byte == 0xff));
@@ -272,32 +266,22 @@ fn a_loader_that_was_spoken_to_before_and_a_line_that_flips_a_bit_do_no_harm() {
 #[test]
 fn another_part_a_locked_one_or_another_board_s_image_is_told_before_anything_is_erased() {
     let folder = TestFolder::new();
-    let mut loader = RomLoader::new();
-    loader.part = 0x421;
-    refused(
-        &flash(&folder, "", &mut loader),
-        2,
-        "the part is 0x421 (STM32F446",
-    );
-    let mut locked = RomLoader::new();
+    let [mut part, mut locked, mut other] = [(); 3].map(|()| RomLoader::new());
+    part.part = 0x421;
     locked.is_locked = true;
-    refused(
-        &flash(&folder, "", &mut locked),
-        3,
-        "the loader refuses Read Memory: the part is locked",
-    );
-    let mut other = RomLoader::new();
     other.flash[..1000].copy_from_slice(&image("olimex-h405", 1000).1);
-    refused(
-        &flash(&folder, "", &mut other),
-        2,
-        "the board has the image for 9.8.7 (0123456789ab) for olimex-h405",
-    );
-    assert!(
-        [&loader, &locked, &other]
-            .iter()
-            .all(|loader| loader.erased.is_empty())
-    );
+    for (loader, status, why) in [
+        (&mut part, 2, "the part is 0x421 (STM32F446"),
+        (&mut locked, 3, "refuses Read Memory: the part is locked"),
+        (
+            &mut other,
+            2,
+            "the image for 9.8.7 (0123456789ab) for olimex-h405",
+        ),
+    ] {
+        refused(&flash(&folder, "", loader), status, why);
+        assert!(loader.erased.is_empty());
+    }
     json(flash(&folder, "--board weact-f405 --format json", &mut other));
     assert_flashed(&other);
 }
@@ -308,11 +292,8 @@ fn a_line_that_is_cut_leaves_no_vectors_to_start_from_and_the_same_command_again
     loader.flash[..1000].copy_from_slice(&image("weact-f405", 1000).1);
     // In the middle of writing.
     loader.cut = Some(15_000);
-    refused(
-        &flash(&folder, "", &mut loader),
-        3,
-        "the line was cut, or the loader has stopped, in Write Memory at 0x0800",
-    );
+    let why = "the line was cut, or the loader has stopped, in Write Memory at 0x0800";
+    refused(&flash(&folder, "", &mut loader), 3, why);
     assert_eq!(loader.word(FLASH), u32::MAX);
     assert!(loader.flash[..LENGTH] != image("weact-f405", LENGTH).1);
     // A reset with BOOT0 high.

@@ -14,29 +14,23 @@ pub(crate) fn hold(folder: &str, name: &str, schema: &Value) {
         return;
     }
     let kept = fs::read_to_string(&path).unwrap_or_default();
-    let kept = serde_json::from_str(&kept).unwrap_or_default();
+    let (mut kept, mut wanted) = (serde_json::from_str(&kept).unwrap_or_default(), schema.clone());
+    [&mut kept, &mut wanted].into_iter().for_each(strip_descriptions);
     assert!(
-        without_descriptions(&kept) == without_descriptions(schema),
+        kept == wanted,
         "{path} differs; if that is meant, run this test with SCHEMAS=overwrite. It should be:\n{schema:#}"
     );
 }
 
-/// Removes the descriptions from a schema.
-fn without_descriptions(schema: &Value) -> Value {
-    let mut schema = schema.clone();
-    match &mut schema {
+fn strip_descriptions(schema: &mut Value) {
+    match schema {
         Value::Object(entries) => {
             entries.retain(|key, value| key != "description" || !value.is_string());
-            entries
-                .values_mut()
-                .for_each(|value| *value = without_descriptions(value));
+            entries.values_mut().for_each(strip_descriptions);
         }
-        Value::Array(items) => items
-            .iter_mut()
-            .for_each(|item| *item = without_descriptions(item)),
+        Value::Array(items) => items.iter_mut().for_each(strip_descriptions),
         _ => {}
     }
-    schema
 }
 
 /// Asserts that a document holds the published schema FOLDER/NAME.json, and has no key that it does not know.
@@ -76,14 +70,13 @@ fn matches(root: &Value, schema: &Value, value: &Value, at: &str) -> Result<Know
     let is_within = |least: &str, most: &str, number: f64| {
         limit(least).is_none_or(|least| number >= least) && limit(most).is_none_or(|most| number <= most)
     };
+    let items = value.as_array().map(Vec::len);
     let is_value = schema.get("const").is_none_or(|wanted| wanted == value)
         && list(schema, "enum").is_none_or(|wanted| wanted.contains(value))
         && value
             .as_f64()
-            .is_none_or(|number| is_within("minimum", "maximum", number))
-        && value
-            .as_array()
-            .is_none_or(|items| is_within("minItems", "maxItems", items.len() as f64));
+            .is_none_or(|it| is_within("minimum", "maximum", it))
+        && items.is_none_or(|count| is_within("minItems", "maxItems", count as f64));
     if !of_type(schema, value) || !is_value {
         return Err(format!("{at}: {value} is not what {schema:?} asks for"));
     }

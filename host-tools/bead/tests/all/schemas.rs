@@ -162,14 +162,10 @@ fn results_of_recordings_hold_their_schemas_whatever_the_verdict() {
     let folder = folder();
     let [good, mut wrong] = [8, 8].map(ModelBead::at);
     wrong.wrong_by = 1;
-    record(
-        &folder.join("good.mcap"),
-        &Scenario::paper(),
-        &[ModelBead::at(8)],
-        1,
-    );
-    record(&folder.join("twice.mcap"), &Scenario::paper(), &[good], 2);
-    record(&folder.join("wrong.mcap"), &Scenario::paper(), &[wrong], 1);
+    for (name, bead, strikes) in [("good", &good, 1), ("twice", &good, 2), ("wrong", &wrong, 1)] {
+        let path = folder.join(format!("{name}.mcap"));
+        record(&path, &Scenario::paper(), std::slice::from_ref(bead), strikes);
+    }
     // One that is kept, and one that cannot be decided.
     let limits =
         "[[limit]]\nquantity = \"peak_force\"\nmax = 9\n[[limit]]\nquantity = \"row_share\"\nmin = 0.1\n";
@@ -179,6 +175,7 @@ fn results_of_recordings_hold_their_schemas_whatever_the_verdict() {
     assert_eq!(hold("replay", "replay wrong.mcap")["identical"], false);
     assert_eq!(hold("compare", "compare good.mcap")["failure"], Value::Null);
     assert!(hold("compare", "compare good.mcap --velocity 0.6")["failure"].is_string());
+    let chain = "identify good.mcap twice.mcap --scenario paper-strike.toml";
     for (name, line) in [
         ("compare", "compare good.mcap --velocity fit"),
         ("compare", "compare twice.mcap"),
@@ -194,10 +191,7 @@ fn results_of_recordings_hold_their_schemas_whatever_the_verdict() {
         ("analyse", "analyse fft good.mcap --unit g"),
         ("analyse", "analyse transfer good.mcap"),
         ("budget", "budget good.mcap --monte-carlo 1000"),
-        (
-            "identify",
-            "identify good.mcap twice.mcap --scenario paper-strike.toml",
-        ),
+        ("identify", chain),
         ("identify", "identify good.mcap --fit k,c,m"),
         ("clock", "clock good.mcap"),
         ("settings", "settings show bead.settings"),
@@ -238,16 +232,11 @@ fn results_of_the_image_hold_their_schemas() {
     let spheres = format!("proof spheres paper-strike.toml --bead 8 {spheres}");
     hold(&folder, "proof-spheres", &spheres);
     hold(&folder, "proof-silent", "proof silent --group window,train");
-    hold(
-        &folder,
-        "proof-calibrate",
-        "proof calibrate --beads 10 --repeats 2",
-    );
-    hold(
-        &folder,
-        "calibrate",
-        "calibrate drop --from simulated --drops 3 --ball-mass 3g±1mg --height 0.1±3e-4 --tolerance 10%",
-    );
+    let proof = "proof calibrate --beads 10 --repeats 2";
+    hold(&folder, "proof-calibrate", proof);
+    let drop =
+        "calibrate drop --from simulated --drops 3 --ball-mass 3g±1mg --height 0.1±3e-4 --tolerance 10%";
+    hold(&folder, "calibrate", drop);
     hold(&folder, "proof-coverage", "proof coverage --beads 50 --strikes 1");
     hold(&folder, "proof-identify", "proof identify --beads 20");
 }

@@ -38,9 +38,8 @@ fn a_bead_is_named_and_calibrated_from_a_file() {
     assert_eq!(read("again.settings"), own);
 
     // The template of a bead of a scenario.
-    run(&format!(
-        "make --template bead-8.toml --scenario {SCENARIO} --bead 8"
-    ));
+    let bead_8 = format!("make --template bead-8.toml --scenario {SCENARIO} --bead 8");
+    run(&bead_8);
     run("make bead-8.toml");
     assert_eq!(read("bead-8.settings"), paper_settings());
 }
@@ -61,12 +60,9 @@ fn a_change_on_a_bead_is_told_before_it_is_sent_and_only_that_is_sent() {
     let mut bead = Bead::paper();
     bead.stiffness = 4e5;
     let stiffer = derive(&bead, &FrontEnd::reference(), &Capture::default()).ok();
+    let printed = "name: \"\" -> \"left\"\naddress: 0 -> 7\n";
     for (changes, printed, expected) in [
-        (
-            "name=left address=7",
-            "name: \"\" -> \"left\"\naddress: 0 -> 7\n",
-            named,
-        ),
+        ("name=left address=7", printed, named),
         ("k=4e5", "intruder.stiffness: 395000.0 -> 400000.0 N/m\n", stiffer),
     ] {
         let (output, bead) = set(changes);

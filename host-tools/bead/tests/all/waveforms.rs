@@ -93,33 +93,24 @@ fn every_command_of_the_page_works() {
 fn a_strike_played_again_has_the_same_codes_from_every_form_of_file() {
     let folder = TestFolder::new();
     let scenario = fs::read_to_string(SCENARIO).unwrap();
-    fs::write(
-        folder.join("quiet.toml"),
-        scenario + "\n[front_end]\nnoise = false\n",
-    )
-    .unwrap();
+    folder.write("quiet.toml", scenario + "\n[front_end]\nnoise = false\n");
     let emulate = "bead emulate quiet.toml --bead 8";
     shell(&folder, &format!("{emulate} --out run"));
     shell(&folder, "bead export run/bead-8.mcap --out tables");
     shell(&folder, "bead export run/bead-8.mcap --out tables --format csv");
-    let table = fs::read(folder.join("tables/samples.csv")).unwrap();
-    let packed = fs::File::create(folder.join("tables/samples.csv.gz")).unwrap();
-    let mut packed = GzEncoder::new(packed, Compression::fast());
-    packed.write_all(&table).unwrap();
-    packed.finish().unwrap();
+    let mut packed = GzEncoder::new(Vec::new(), Compression::fast());
+    packed.write_all(&folder.read("tables/samples.csv")).unwrap();
+    folder.write("tables/samples.csv.gz", packed.finish().unwrap());
     let first = strikes(&folder.join("run/bead-8.mcap")).swap_remove(0);
     drop_rig(&folder.join("drop.wav"), &first);
     // Channels of a WAV file are sampled at one time, those of a bead one after another.
+    let channels = "drop.wav --read force=1:16N --read acceleration=2:500m/s2";
     for (name, sensors, file) in [
         ("mcap", 2, "run/bead-8.mcap"),
         ("csv", 2, "tables/samples.csv"),
         ("gzip", 2, "tables/samples.csv.gz"),
         ("parquet", 2, "tables/samples.parquet"),
-        (
-            "wav",
-            1,
-            "drop.wav --read force=1:16N --read acceleration=2:500m/s2",
-        ),
+        ("wav", 1, channels),
     ] {
         shell(&folder, &format!("{emulate} --stimulus {file} --out {name}"));
         let again = strikes(&folder.join(name).join("bead-8.mcap")).swap_remove(0);
@@ -136,20 +127,15 @@ fn a_strike_played_again_has_the_same_codes_from_every_form_of_file() {
 
 /// The comparison of a recorded strike with the same strike in another file.
 fn against(folder: &TestFolder, reference: &str) -> Value {
-    folder.json(&format!(
-        "compare strike.mcap --reference {reference} --format json"
-    ))["against"]
-        .clone()
+    let line = format!("compare strike.mcap --reference {reference} --format json");
+    folder.json(&line)["against"].take()
 }
 
 #[test]
 fn files_of_numpy_matlab_and_polars_hold_the_same_waveform_as_the_table_that_they_were_made_of() {
     let folder = TestFolder::new();
-    let bead = ModelBead {
-        bead: 8,
-        ..ModelBead::default()
-    };
-    record(&folder.join("strike.mcap"), &Scenario::paper(), &[bead], 1);
+    let path = folder.join("strike.mcap");
+    record(&path, &Scenario::paper(), &[ModelBead::at(8)], 1);
     folder.done("export strike.mcap --out tables --format csv");
     let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/written_elsewhere.py");
     let Some(_) = python(&folder, &[script, "tables/samples.csv"]) else {
@@ -168,10 +154,8 @@ fn files_of_numpy_matlab_and_polars_hold_the_same_waveform_as_the_table_that_the
     }
     // Without a column of time, by a rate and by the interval in the file. Times count from the first row.
     let no_times = against(&folder, "force.npy --read force=1:N --read rate=100000");
-    let matrix = against(
-        &folder,
-        "matrix.mat --read force=m_1:N --read acceleration=m_2:m/s2",
-    );
+    let channels = "matrix.mat --read force=m_1:N --read acceleration=m_2:m/s2";
+    let matrix = against(&folder, channels);
     for found in [&no_times["force"], &matrix["force"]] {
         is_as_great(&found["gain"], &wanted["force"]["gain"]);
     }
