@@ -138,8 +138,9 @@ fn conformity_takes_the_uncertainty_into_account_and_an_expired_reference_is_ref
         "\n[[reference]]\nname = \"balance 7\"\ncertificate = \"K-1\"\nvalid_until = \"2026-03-31\"\n";
     folder.write("about.toml", folder.text("about.toml") + reference);
     let line = format!("calibrate drop drops.mcap {STATED} --about about.toml --page page.html --date");
-    let expired = "the certificate K-1 of balance 7 expired on 2026-03-31";
-    folder.refused(&format!("{line} 2026-04-01"), 2, expired);
+    folder.refused(&format!(
+        "2 | the certificate K-1 of balance 7 expired on 2026-03-31 | {line} 2026-04-01"
+    ));
     folder.done(&format!("{line} 2026-04-01 --doubtful"));
     assert_says(&folder.text("page.html"), "In spite of this: the certificate K-1");
     folder.done(&format!("{line} 2026-03-31 --overwrite"));

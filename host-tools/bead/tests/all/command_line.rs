@@ -161,7 +161,7 @@ fn a_recorded_strike_compares_with_a_page_and_figures_and_another_does_not() {
     refused(&replayed, 1, "replay is incomplete: strike 0");
     let part = "of its 672 samples were not received, the first at sample index";
     assert_says(&said(&replayed), part);
-    folder.refused("compare lossy.mcap", 1, "incomplete: strike 0");
+    folder.refused("1 | incomplete: strike 0 | compare lossy.mcap");
 }
 
 #[test]
@@ -208,8 +208,8 @@ fn a_recording_without_receive_times_has_no_clock_and_one_with_them_has_host_tim
     record_again(&folder.join("timed.mcap"), 1);
     folder.write("raw.bin", old_bytes());
     folder.done("recover raw.bin --out untimed.mcap");
-    folder.refused("clock untimed.mcap", 2, "has a receive time");
-    folder.refused("compare untimed.mcap", 2, "carries no scenario");
+    folder.refused("2 | has a receive time | clock untimed.mcap");
+    folder.refused("2 | carries no scenario | compare untimed.mcap");
     let report = folder.json("clock timed.mcap --format json");
     // One strike is too short for a drift.
     assert_eq!(report["clocks"][0]["drift_ppm"], Value::Null);

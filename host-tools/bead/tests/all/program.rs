@@ -99,8 +99,10 @@ impl TestFolder {
         json(self.run(line))
     }
 
-    pub(crate) fn refused(&self, line: &str, status: i32, part: &str) {
-        refused(&self.run(line), status, part);
+    /// Asserts the exit status and a part of the message of a command line, given as a row of `inputs.txt`.
+    pub(crate) fn refused(&self, row: &str) {
+        let [status, part, line] = fields(row);
+        refused(&self.run(line), status.parse().unwrap(), part);
     }
 
     pub(crate) fn start(&self, line: &str) -> RunningProgram {

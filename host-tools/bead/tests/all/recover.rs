@@ -179,8 +179,7 @@ fn a_damaged_recording_is_made_whole_and_a_raw_stream_becomes_one() {
         file[sector..sector + 512].fill(0xFF);
     }
     folder.write("bad.mcap", &file);
-    let advice = "its beginning may be damaged; try: bead recover bad.mcap";
-    folder.refused("replay bad.mcap", 2, advice);
+    folder.refused("2 | its beginning may be damaged; try: bead recover bad.mcap | replay bad.mcap");
     let report = recover(&folder, "bad.mcap");
     let recovered = Recording::open(&folder.join("bad-recovered.mcap")).unwrap();
     assert_eq!(recovered.state, State::Whole);

@@ -119,8 +119,7 @@ fn a_table_has_the_same_bytes_whatever_the_threads_and_the_chunks() {
     for chunk in [7, 3, 1, 2] {
         folder.done(&format!("sweep run d --chunk {chunk}/7 --threads 2"));
     }
-    let why = "3 of 7 chunks are missing: 4-6";
-    folder.refused("sweep merge d --out chunks.parquet", 2, why);
+    folder.refused("2 | 3 of 7 chunks are missing: 4-6 | sweep merge d --out chunks.parquet");
     assert_says(&folder.done("sweep run d --chunk 3/7"), "finished already");
     let status = folder.json("sweep status d --format json");
     let expected = (&4.into(), &serde_json::json!([4, 5, 6]));
@@ -128,10 +127,8 @@ fn a_table_has_the_same_bytes_whatever_the_threads_and_the_chunks() {
     folder.done("sweep run d");
     folder.done("sweep merge d --out chunks.parquet");
     assert!(folder.read("one.parquet") == folder.read("chunks.parquet"));
-    let why = "in 7 chunks; leave --chunks 8 out";
-    folder.refused("sweep plan sweep.toml --dir d --chunks 8", 2, why);
-    let onto_part = "sweep merge d --out d/part-00003.parquet --overwrite";
-    folder.refused(onto_part, 2, "lies among the parts");
+    folder.refused("2 | in 7 chunks; leave --chunks 8 out | sweep plan sweep.toml --dir d --chunks 8");
+    folder.refused("2 | lies among the parts | sweep merge d --out d/part-00003.parquet --overwrite");
 }
 
 #[test]
@@ -196,7 +193,7 @@ fn a_grid_typed_by_mistake_says_its_size_and_its_time_first() {
     let output = folder.run("sweep sweep.toml --out a.parquet");
     program::refused(&output, 2, "axes of 1,000 × 1,000 make 1,000,000 points, about ");
     assert!(said(&output).contains("--yes"));
-    folder.refused("sweep plan sweep.toml --dir d", 2, "1,000,000 points");
+    folder.refused("2 | 1,000,000 points | sweep plan sweep.toml --dir d");
     assert_eq!(folder.names(), "paper.toml sweep.toml");
     folder.done("sweep plan sweep.toml --dir d --limit 1000000");
 }
@@ -206,23 +203,20 @@ fn what_is_of_another_plan_is_refused_and_stays() {
     let folder = folder(&axis("duration", "linspace = [1e-3, 2e-3, 8]"));
     folder.done("sweep plan sweep.toml --dir one --chunks 4");
     folder.done("sweep run one");
-    let why = "was the chunk of another plan meant?";
-    folder.refused("sweep run one --chunk 2/5", 2, why);
+    folder.refused("2 | was the chunk of another plan meant? | sweep run one --chunk 2/5");
     folder.write("sweep.toml", axis("duration", "linspace = [1e-3, 3e-3, 8]"));
-    let why = "holds the parts of another sweep";
-    folder.refused("sweep plan sweep.toml --dir one", 2, why);
+    folder.refused("2 | holds the parts of another sweep | sweep plan sweep.toml --dir one");
     folder.done("sweep plan sweep.toml --dir two --chunks 4");
     let cut = folder.read("one/part-00004.parquet");
     folder.write("two/part-00002.parquet", folder.read("one/part-00002.parquet"));
-    folder.refused("sweep run two", 2, "is not chunk 2 of this plan: it is of plan");
-    let why = "is not chunk 2 of this plan";
-    folder.refused("sweep merge two --out a.parquet", 2, why);
+    folder.refused("2 | is not chunk 2 of this plan: it is of plan | sweep run two");
+    folder.refused("2 | is not chunk 2 of this plan | sweep merge two --out a.parquet");
     // One part has the name of another, and one is cut.
     folder.write("one/part-00003.parquet", folder.read("one/part-00001.parquet"));
-    folder.refused("sweep merge one --out a.parquet", 2, "it has 2 rows of chunk 1/4");
+    folder.refused("2 | it has 2 rows of chunk 1/4 | sweep merge one --out a.parquet");
     folder.write("one/part-00004.parquet", &cut[..cut.len() / 2]);
     fs::remove_file(folder.join("one/part-00003.parquet")).unwrap();
-    folder.refused("sweep status one", 2, "is no Parquet file, or a damaged one");
+    folder.refused("2 | is no Parquet file, or a damaged one | sweep status one");
     // A part has its columns in another order.
     let part = Reader::open(&folder.join("one/part-00002.parquet")).unwrap();
     let notes = ["plan", "chunk"].map(|key| (key, part.note(key).unwrap()));
@@ -234,8 +228,7 @@ fn what_is_of_another_plan_is_refused_and_stays() {
     }
     table.finish().unwrap();
     folder.write("one/part-00002.parquet", folder.read("other.parquet"));
-    let why = "is not chunk 2 of this plan: it has other columns";
-    folder.refused("sweep status one", 2, why);
+    folder.refused("2 | is not chunk 2 of this plan: it has other columns | sweep status one");
     // A plan that was edited.
     let plan = folder.text("two/plan.toml");
     for (was, is, why) in [
@@ -244,10 +237,9 @@ fn what_is_of_another_plan_is_refused_and_stays() {
         ("points = 8", "points = 9", "was changed after it was made"),
     ] {
         folder.write("two/plan.toml", plan.replace(was, is));
-        folder.refused("sweep status two", 2, why);
+        folder.refused(&format!("2 | {why} | sweep status two"));
     }
-    let why = "is a TOML file";
-    folder.refused("sweep sweep.toml --out paper.toml --overwrite", 2, why);
+    folder.refused("2 | is a TOML file | sweep sweep.toml --out paper.toml --overwrite");
 }
 
 #[test]
@@ -267,8 +259,10 @@ fn a_disk_that_is_full_leaves_the_finished_parts() {
 #[test]
 fn curves_and_maps_are_drawn_of_any_two_axes() {
     let folder = folder(SWEEP);
-    let advice = "more axes: tuned (3 values), sample (8 values); choose a place of each with --at tuned=";
-    folder.refused("sweep sweep.toml --out a.parquet --plot a.svg", 2, advice);
+    folder.refused(
+        "2 | more axes: tuned (3 values), sample (8 values); choose a place of each with --at tuned= | \
+         sweep sweep.toml --out a.parquet --plot a.svg",
+    );
     // The refusal comes before the work.
     assert_eq!(folder.names(), "paper.toml sweep.toml");
     let plot = "--plot a.svg --at sample=3 --x striker_velocity_mps --y tuned";

@@ -4,7 +4,7 @@
 use std::fs;
 use std::path::Path;
 
-use crate::program::{DATA, TestFolder, documents, done, said, typed};
+use crate::program::{DATA, TestFolder, documents, done, refused, said, typed};
 use serde_json::Value;
 
 /// Whole numbers of `then`, and the values of `now` under the same keys.
@@ -66,7 +66,8 @@ fn a_recording_of_the_future_says_who_speaks_and_what_to_do() {
     let bytes = fs::read(format!("{DATA}/frame-of-the-future.bin")).unwrap();
     folder.write("future.bin", &bytes);
     folder.done("recover future.bin --out future.mcap");
-    folder.refused("replay future.mcap", 2, &format!("bead: future.mcap: {WHO}\n"));
+    let replay = folder.run("replay future.mcap");
+    refused(&replay, 2, &format!("bead: future.mcap: {WHO}\n"));
 
     // Identity and reply are frozen and shown. The status between them counts as refused, not as lost. A
     // recording has one delimiter less for each of the three frames.
