@@ -166,6 +166,6 @@ fn the_template_is_a_file_of_limits_that_the_paper_s_strike_keeps() {
     let folder = folder();
     let printed = folder.done("judge --template");
     folder.done("judge --template l.toml");
-    assert_eq!(folder.text("l.toml").trim_end(), printed.trim_end());
+    assert_eq!(folder.text("l.toml"), printed.trim_end().to_owned() + "\n");
     folder.done("judge x.mcap --limits l.toml");
 }
