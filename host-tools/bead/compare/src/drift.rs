@@ -13,13 +13,15 @@
 //! same.
 
 use bead_model::design::Description;
-use bead_model::{Scan, Settings, Window, WindowRecord};
+use bead_model::{Scan, Settings};
 use bead_recording::strikes::{RecordedStrike, ScanCodes};
 use bead_wire::StrikeFlags;
 use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::agreement::agrees;
+use crate::budget::measured_again;
+use crate::spread::RunningMean;
 
 /// Part by which a quantity is changed.
 const STEP: f64 = 0.03;
@@ -73,10 +75,7 @@ pub struct DriftMean {
 
 #[derive(Debug, Default, Clone, Copy)]
 struct Mean {
-    values: u32,
-    mean: f64,
-    /// Sum of the squares of the deviations from the mean.
-    squares: f64,
+    running: RunningMean,
     /// Greatest part by which a good bead may have seemed off.
     allowed: f64,
 }
@@ -112,7 +111,8 @@ impl Drift {
         ];
         for ((mean, value), (_, least)) in self.means.iter_mut().zip(values).zip(QUANTITIES) {
             if let Some((value, allowed)) = value {
-                mean.add(value, allowed.max(least));
+                mean.running.push(value);
+                mean.allowed = mean.allowed.max(allowed).max(least);
             }
         }
     }
@@ -125,25 +125,17 @@ impl Drift {
 }
 
 impl Mean {
-    fn add(&mut self, value: f64, allowed: f64) {
-        self.values += 1;
-        let off = value - self.mean;
-        self.mean += off / f64::from(self.values);
-        self.squares += off * (value - self.mean);
-        self.allowed = self.allowed.max(allowed);
-    }
-
     fn result(&self, quantity: &'static str) -> Option<DriftMean> {
-        let values = f64::from(self.values);
-        let standard_error = (self.values > 1).then(|| (self.squares / (values * (values - 1.0))).sqrt())?;
+        let RunningMean { count, mean, .. } = self.running;
+        let standard_error = self.running.standard_error()?;
         Some(DriftMean {
             quantity,
-            strikes: self.values,
-            mean: self.mean,
+            strikes: count as u32,
+            mean,
             standard_error,
-            drifting: self.values >= LEAST_STRIKES
-                && !agrees(self.mean, self.allowed, 0.0)
-                && !agrees(self.mean, 0.0, SIGMAS * standard_error),
+            drifting: count >= LEAST_STRIKES as usize
+                && !agrees(mean, self.allowed, 0.0)
+                && !agrees(mean, 0.0, SIGMAS * standard_error),
         })
     }
 }
@@ -160,19 +152,11 @@ fn best(strike: &RecordedStrike, settings: &Settings) -> Option<[f64; 3]> {
             one.acceleration.per_code *= factors[2];
             one.acceleration.wide_per_code *= factors[2];
         };
-        let settings = settings.with(change).ok()?;
-        let mut window = Window::open(0, strike.said.first_index);
-        let mut record = WindowRecord::new();
-        record.clear();
-        window.process(&settings, &scans, &mut record);
-        let matched = window.report(&settings, &record).1.waveform?;
+        let (_, shape) = measured_again(&strike.said, &settings.with(change).ok()?, &scans);
+        let matched = shape.waveform?;
         Some(matched.residual.ratio().powi(2) + matched.noise.ratio().powi(2))
     };
-    let along = |place: usize, steps: f64| {
-        let mut all = [0.0; 3];
-        all[place] = steps;
-        all
-    };
+    let along = |place: usize, steps: f64| [0, 1, 2].map(|at| if at == place { steps } else { 0.0 });
     let middle = power([0.0; 3])?;
     let mut curves = [[0.0; 3]; 3];
     let mut slopes = [0.0; 3];

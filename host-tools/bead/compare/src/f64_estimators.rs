@@ -334,18 +334,12 @@ mod tests {
     #[test]
     fn b_in_a_row_of_absorbers_is_within_a_thousandth_of_the_full_chain_with_its_neighbours_and_not_without()
     {
-        let file = concat!(
-            env!("CARGO_MANIFEST_DIR"),
-            "/../../../docs/scenarios/ten-intruders.toml"
-        );
-        let scenario = Scenario::load(file).unwrap();
+        let scenario = crate::testing::scenario("ten-intruders");
         let solution = crate::sensed::simulate_with_ring_down(&scenario).unwrap();
         let end = (scenario.duration * RATE) as usize;
         for host in [7, 10, 14] {
-            let (bead, around) = (
-                bead_of(&solution, host).unwrap(),
-                surroundings_of(&solution, host),
-            );
+            let bead = bead_of(&solution, host).unwrap();
+            let around = surroundings_of(&solution, host);
             let force = |i: usize| solution.at(i as f64 / RATE).force(host);
             let forces: Vec<f64> = (0..=end).map(force).collect();
             // As long as a window goes on after the wave has come.

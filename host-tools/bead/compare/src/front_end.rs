@@ -95,6 +95,16 @@ pub struct DualSensor {
 }
 
 impl DualSensor {
+    /// This sensor with the gains of a scale times a factor, and its zeros unmoved.
+    #[must_use]
+    pub fn with_scale(self, scale: &SensorScale, factor: f64) -> Self {
+        let span = |per_code: f64| per_code * factor * f64::from(CODES);
+        Self {
+            sensitive: self.sensitive.with_span(span(scale.per_code)),
+            wide: self.wide.with_span(span(scale.wide_per_code)),
+        }
+    }
+
     /// Scale of the sensor, as the settings of a bead state it.
     fn scale(&self) -> SensorScale {
         let pole = |channel: &SensorChannel| channel.pole_hz.unwrap_or(0.0);

@@ -32,7 +32,7 @@ impl ReplayWord {
 }
 
 /// The replay of one strike.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Replay {
     /// The result on this computer; none where samples or settings are missing.
     pub said: Option<Strike>,
@@ -69,10 +69,8 @@ impl Replay {
 
     fn incomplete(why: String) -> Self {
         Self {
-            said: None,
-            energies: Vec::new(),
-            first_difference: None,
             incomplete: Some(why),
+            ..Self::default()
         }
     }
 }
@@ -99,13 +97,11 @@ pub fn replay(strike: &RecordedStrike) -> Replay {
     let indices = [strike.said.first_index, strike.said.trigger_index];
     if let Some(index) = indices.into_iter().find(|index| *index > INDEX_MOST) {
         return Replay {
-            said: None,
-            energies: Vec::new(),
             first_difference: Some(format!(
                 "strike {number}: its sample index {index} is none that a bead reaches, so its frames are not what a \
                  bead sent; record it again"
             )),
-            incomplete: None,
+            ..Replay::default()
         };
     }
 
@@ -685,30 +681,22 @@ mod tests {
             replay(&strike)
         };
         let whole = |_: &mut RecordedStrike| {};
+        use ReplayWord::{Differs, Incomplete};
+        let damaged = |strike: &mut RecordedStrike| strike.scans[300].sensitive[1] ^= 0x40;
         for (replay, word, part) in [
-            (
-                cut(632, whole),
-                ReplayWord::Incomplete,
-                "40 of its 672 samples were",
-            ),
-            (cut(400, whole), ReplayWord::Incomplete, "the 400 before it agree"),
-            (cut(0, whole), ReplayWord::Incomplete, "nothing comes before it"),
+            (cut(632, whole), Incomplete, "40 of its 672 samples were"),
+            (cut(400, whole), Incomplete, "the 400 before it agree"),
+            (cut(0, whole), Incomplete, "nothing comes before it"),
             (
                 cut(400, |strike| strike.settings = None),
-                ReplayWord::Incomplete,
+                Incomplete,
                 "no settings",
             ),
-            (
-                cut(400, |strike| strike.scans[300].sensitive[1] ^= 0x40),
-                ReplayWord::Differs,
-                "absorbed_m",
-            ),
+            (cut(400, damaged), Differs, "absorbed_m"),
         ] {
             let what = replay.failure().unwrap();
-            assert!(
-                replay.word() == word && !replay.identical() && what.contains(part),
-                "{what}"
-            );
+            assert!(what.contains(part) && !replay.identical(), "{what}");
+            assert_eq!(replay.word(), word);
         }
     }
 }

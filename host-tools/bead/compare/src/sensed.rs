@@ -23,6 +23,7 @@ pub const RING_DOWN: f64 = 6e-3;
 /// The bead has no intruder, and so senses nothing; the message names those that have one. Or it has several.
 pub fn bead_of(solution: &Solution, bead: usize) -> Result<Bead, CompareError> {
     let model = solution.model();
+    let unfit = |what: String| Err(CompareError::Unfit(format!("--bead {bead}: {what}")));
     let Some(intruder) = model.intruders().iter().find(|intruder| intruder.bead == bead) else {
         let with: Vec<usize> = model.intruders().iter().map(|one| one.bead).collect();
         let what = if with.is_empty() {
@@ -31,18 +32,17 @@ pub fn bead_of(solution: &Solution, bead: usize) -> Result<Bead, CompareError> {
             let some = first_of(&with, BEADS_TOLD);
             format!("this bead has no intruder; give one of: {some}")
         };
-        return Err(CompareError::Unfit(format!("--bead {bead}: {what}")));
+        return unfit(what);
     };
     let several = model.intruders_of(bead).len();
     if several > 1 {
-        return Err(CompareError::Unfit(format!(
-            "--bead {bead}: it has {several} intruders, and the sensor of a bead is the only one in it; choose a host of one"
-        )));
+        return unfit(format!(
+            "it has {several} intruders, and the sensor of a bead is the only one in it; choose a host of one"
+        ));
     }
     if bead + 1 == model.bodies() {
-        return Err(CompareError::Unfit(format!(
-            "--bead {bead}: the last bead has none behind it, and the reduced chain needs one; choose another host"
-        )));
+        let what = "the last bead has none behind it, and the reduced chain needs one; choose another host";
+        return unfit(what.to_owned());
     }
     let behind = model.contact(bead + 1);
     Ok(Bead {
@@ -284,6 +284,15 @@ pub struct Timing {
 }
 
 impl Timing {
+    /// One strike.
+    pub fn once(lead_in: f64) -> Self {
+        Self {
+            lead_in,
+            strikes: 1,
+            interval: 1.0,
+        }
+    }
+
     /// These strikes on the time of a bead whose first scan is at `began`, s.
     #[must_use]
     pub fn since(self, began: f64) -> Self {
@@ -579,11 +588,7 @@ mod tests {
                 // Codes that reach beyond the sums.
                 continue;
             };
-            let timing = Timing {
-                lead_in: 0.01,
-                strikes: 1,
-                interval: 0.1,
-            };
+            let timing = Timing::once(0.01);
             let scans = timing.scans(solution.end());
             let codes = front_end.digitise(&Sensed::new(&solution, 8, timing), scans, Some(measured));
             let scans: Vec<Scan> = codes.scans.into_iter().map(Scan::new).collect();

@@ -63,6 +63,12 @@ impl RunningMean {
     pub(crate) fn scatter(&self) -> Option<f64> {
         (self.count > 1).then(|| (self.squares / (self.count - 1) as f64).sqrt())
     }
+
+    /// Standard error of the mean; `None` for fewer than two values.
+    pub(crate) fn standard_error(&self) -> Option<f64> {
+        let count = self.count as f64;
+        (self.count > 1).then(|| (self.squares / (count * (count - 1.0))).sqrt())
+    }
 }
 
 /// The deviations of A and of B, strike by strike. It keeps no strike.

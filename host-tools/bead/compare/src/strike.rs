@@ -58,7 +58,7 @@ impl fmt::Display for StrikeConditions {
 }
 
 /// One strike, from four sources.
-#[derive(Debug, Clone, Serialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, Default, Serialize, schemars::JsonSchema)]
 pub struct StrikeComparison {
     /// Its number since the bead's reset.
     pub strike: u32,
@@ -331,20 +331,16 @@ impl FullChain {
             first_difference: replay.first_difference.clone(),
             replay_incomplete: replay.incomplete.clone(),
             replay_word: replay.word(),
-            f64_samples: None,
             f64_chain,
             deviation,
             goal: self.goal,
-            noise_allowance: None,
             force_noise: force_noise(strike),
             flags: strike.said.flags.names().collect(),
             conditions: StrikeConditions::of(strike),
             uncertainty: EnergyUncertainties::of(strike, self.explained),
-            shape: None,
             pass,
             alone: true,
-            incident: None,
-            traces: None,
+            ..StrikeComparison::default()
         };
         if let Some(signals) = StrikeSignals::of(strike) {
             self.compare_samples(&signals, &replay, &mut comparison);

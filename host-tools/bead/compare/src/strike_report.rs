@@ -542,11 +542,15 @@ mod tests {
     fn energies_have_twice_their_uncertainty_beside_them_if_the_bead_sent_it() {
         let mut strike = recorded_strike();
         let chain = FullChain::run(&Scenario::paper(), 8).unwrap();
-        let cell = |strike: &RecordedStrike, row: usize| {
-            let comparison = chain.compare(strike);
-            in_full(&comparison, EnergyUnit::of([1e-9])).rows[row][1].clone()
+        // The cells of A and of B, by the device.
+        let cells = |strike: &RecordedStrike| {
+            let rows = in_full(&chain.compare(strike), EnergyUnit::of([1e-9])).rows;
+            [0, 1].map(|row| match &rows[row][1] {
+                GridCell::Text(text) => text.clone(),
+                other => panic!("{other:?}"),
+            })
         };
-        let [a, b] = [0, 1].map(|row| cell(&strike, row));
+        let before = cells(&strike);
         let [one, two, three] = [1, 2, 3].map(|percent| Fraction::from_bits(percent * 65_536 / 100));
         strike.shape.as_mut().unwrap().uncertainty = Some(EnergyUncertainty {
             measured: one,
@@ -554,14 +558,8 @@ mod tests {
             difference: three,
         });
         // Replay differs then, and the energies do not.
-        for (row, before, part) in [(0, a, one), (1, b, two)] {
-            let GridCell::Text(before) = before else {
-                panic!("{before:?}")
-            };
+        for ((before, shown), part) in before.iter().zip(cells(&strike)).zip([one, two]) {
             let u = 2.0 * part.ratio() * before.parse::<f64>().unwrap();
-            let GridCell::Text(shown) = cell(&strike, row) else {
-                panic!()
-            };
             let (value, within) = shown.split_once(" ± ").unwrap();
             assert_eq!(value, before);
             assert!((within.parse::<f64>().unwrap() - u).abs() < 0.01, "{shown}");
@@ -571,16 +569,11 @@ mod tests {
         assert_eq!(energies.u_difference, Some(three.ratio() * greater.joules()));
         // The chain explains 3 % of A, and an error of B that has no bound.
         let unlike = EnergyUncertainties::of(&strike, [0.03, f64::INFINITY]).unwrap();
-        let u = 2e-2 * strike.said.absorbed_measured.joules();
-        assert!(
-            (unlike.u_absorbed_measured.unwrap() / u - 1.0).abs() < 1e-3,
-            "{unlike:?}"
-        );
+        let parts = unlike.u_absorbed_measured.unwrap() / strike.said.absorbed_measured.joules();
+        assert!((parts / 2e-2 - 1.0).abs() < 1e-3, "{unlike:?}");
         assert_eq!((unlike.u_absorbed_predicted, unlike.u_difference), (None, None));
-        let [legend, whole] = [&unlike, &energies].map(|of| EnergyUncertainties::legend([of]).unwrap());
-        assert!(
-            legend.contains("no bound holds") && !whole.contains("no bound"),
-            "{legend}, {whole}"
-        );
+        let legends = [&unlike, &energies].map(|of| EnergyUncertainties::legend([of]).unwrap());
+        let has_bounds = legends.map(|legend| !legend.contains("no bound holds"));
+        assert_eq!(has_bounds, [false, true]);
     }
 }

@@ -37,11 +37,7 @@ pub(crate) fn recorded(scenario: &Scenario, believed: &Scenario, seed: u64) -> R
 fn measured(solution: &Solution, believed: &Solution, seed: u64, lead_in: f64) -> Option<RecordedStrike> {
     let (front_end, bead) = (AnalogFrontEnd::default(), bead_of(believed, 8).unwrap());
     let settings = derive(&bead, &front_end.calibration(), &Capture::default()).unwrap();
-    let timing = Timing {
-        lead_in,
-        strikes: 1,
-        interval: 0.1,
-    };
+    let timing = Timing::once(lead_in);
     let (sensed, scans) = (Sensed::new(solution, 8, timing), timing.scans(solution.end()));
     let codes = front_end.digitise(&sensed, scans, Some(seed)).scans;
     let scans: Vec<Scan> = codes.into_iter().map(Scan::new).collect();
@@ -54,6 +50,12 @@ fn measured(solution: &Solution, believed: &Solution, seed: u64, lead_in: f64) -
         strike.push(&chunk.into());
     }
     Some(strike)
+}
+
+/// A scenario of docs/scenarios.
+pub(crate) fn scenario(name: &str) -> Scenario {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../docs/scenarios");
+    Scenario::load(format!("{folder}/{name}.toml")).unwrap()
 }
 
 /// The record of an instrument that begins at 0 s.

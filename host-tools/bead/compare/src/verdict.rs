@@ -249,14 +249,13 @@ pub(crate) fn passed<'a>(spread: impl IntoIterator<Item = &'a Spread>) -> &'stat
 
 #[cfg(test)]
 mod tests {
-    use std::path::Path;
     use std::sync::Arc;
 
     use bead_model::design::{Capture, FrontEnd, derive};
 
     use super::*;
-    use crate::sensed::{bead_of, load_scenario, simulate_with_ring_down, unlike_the_reduced_chain};
-    use crate::testing::recorded_strike;
+    use crate::sensed::{bead_of, simulate_with_ring_down, unlike_the_reduced_chain};
+    use crate::testing::{recorded_strike, scenario};
 
     /// True for the echoes among strikes with these boots and trigger indices. A strike is simulated for 12
     /// ms.
@@ -300,9 +299,7 @@ mod tests {
     #[test]
     fn a_scenario_that_is_shorter_or_longer_than_the_window_is_warned_of() {
         for sound in ["paper-strike", "own-chain", "row-of-ten", "ten-intruders"] {
-            let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../docs/scenarios");
-            let (scenario, _) = load_scenario(&Path::new(folder).join(format!("{sound}.toml"))).unwrap();
-            assert_eq!(other_lengths(&scenario), [""; 0], "{sound}");
+            assert_eq!(other_lengths(&scenario(sound)), [""; 0], "{sound}");
         }
         let mut scenario = Scenario::paper();
         let mut lasting = |duration| {
@@ -325,11 +322,7 @@ mod tests {
 
     #[test]
     fn a_goal_is_as_much_wider_as_the_chain_explains_and_none_applies_where_that_has_no_bound() {
-        let own = concat!(
-            env!("CARGO_MANIFEST_DIR"),
-            "/../../../docs/scenarios/own-chain.toml"
-        );
-        let (own, _) = load_scenario(Path::new(own)).unwrap();
+        let own = scenario("own-chain");
         let mut light = own.clone();
         light.chain.precompression = 0.0;
         let mut mixed = light.clone();
@@ -337,38 +330,24 @@ mod tests {
         (mixed.intruders[1].beads, heavier.beads) = (vec![8], vec![9]);
         heavier.mass *= 1.2;
         mixed.intruders.push(heavier);
-        for (scenario, bead, notes, [a, b]) in [
+        let (narrow, wider) = ("3.9 samples wide", Some(8.3e-3));
+        let (pressed, another) = ("pressed together by 2 N", "bead 9 holds another intruder");
+        for (scenario, bead, notes, goals) in [
             (&Scenario::paper(), 8, &[][..], [Some(2e-3), Some(5e-3)]),
-            (&light, 6, &["3.9 samples wide"], [Some(8.3e-3), Some(3.1e-2)]),
-            (
-                &own,
-                6,
-                &["pressed together by 2 N", "3.9 samples wide"],
-                [Some(8.3e-3), Some(3.1e-2)],
-            ),
-            (
-                &mixed,
-                6,
-                &["bead 9 holds another intruder", "3.9 samples wide"],
-                [Some(8.3e-3), None],
-            ),
+            (&light, 6, &[narrow], [wider, Some(3.1e-2)]),
+            (&own, 6, &[pressed, narrow], [wider, Some(3.1e-2)]),
+            (&mixed, 6, &[another, narrow], [wider, None]),
         ] {
-            let chain = FullChain::run(scenario, bead).unwrap();
-            let solution = simulate_with_ring_down(scenario).unwrap();
+            let solution = Arc::new(simulate_with_ring_down(scenario).unwrap());
             let told = unlike_the_reduced_chain(&solution, bead).notes;
             assert!(told.len() == notes.len(), "{told:?}");
-            assert!(
-                told.iter().zip(notes).all(|(told, part)| told.contains(part)),
-                "{told:?}"
-            );
-            for (found, goal) in chain.goal.each().into_iter().zip([a, b]) {
-                assert_eq!(found.is_some(), goal.is_some());
-                assert!(
-                    found
-                        .zip(goal)
-                        .is_none_or(|(found, goal)| (found / goal - 1.0).abs() < 0.1),
-                    "{found:?}"
-                );
+            let are_told = |(told, part): (&String, &&str)| told.contains(part);
+            assert!(told.iter().zip(notes).all(are_told), "{told:?}");
+            let found = FullChain::of(scenario, &solution, bead).unwrap().goal.each();
+            for (found, goal) in found.into_iter().zip(goals) {
+                let off = found.zip(goal).map(|(found, goal)| found / goal - 1.0);
+                assert_eq!(off.is_some(), found.is_some() || goal.is_some());
+                assert!(off.is_none_or(|off| off.abs() < 0.1), "{found:?}");
             }
         }
     }

@@ -20,4 +20,5 @@ pub use draw::drawn_settings;
 pub(crate) use noise::expanded_noise;
 pub use ratio::{BeadRatio, ratios};
 pub use report::{BudgetTables, significant};
+pub(crate) use run::measured_again;
 pub use strike::{BudgetInput, StrikeBudget};

@@ -14,14 +14,13 @@ use crate::budget::draw::drawn_settings;
 use crate::budget::noise::{ChannelNoise, codes, scan};
 use crate::budget::run::{Rerun, derived};
 use crate::error::CompareError;
+use crate::front_end::CODES;
 use crate::spread::RunningMean;
 
 /// The draws are the same in every run.
 const SEED: u64 = 1;
 /// Part of the draws below the coverage interval, and above it.
 const TAIL: f64 = 0.025;
-/// Greatest code.
-const CODE_MOST: i32 = 4095;
 
 /// A result by draws.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, schemars::JsonSchema)]
@@ -136,7 +135,7 @@ fn noisy(mut codes: [Option<u16>; 4], channels: &[ChannelNoise], random: &mut Ch
             let part: f64 = Uniform::new(0.0, 1.0).expect("a range").sample(random);
             i32::from(part < variance / 2.0) - i32::from(part > 1.0 - variance / 2.0)
         };
-        *code = (i32::from(*code) + step).clamp(0, CODE_MOST) as u16;
+        *code = (i32::from(*code) + step).clamp(0, i32::from(CODES) - 1) as u16;
     }
     scan(codes)
 }

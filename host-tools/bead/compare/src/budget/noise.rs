@@ -10,6 +10,7 @@ use bead_model::layout::BASELINE;
 use rayon::prelude::*;
 
 use crate::budget::run::Rerun;
+use crate::front_end::CODES;
 use crate::spread::RunningMean;
 use crate::student::student;
 use bead_recording::strikes::RecordedStrike;
@@ -17,8 +18,6 @@ use bead_recording::strikes::RecordedStrike;
 /// Least step of a code. Over fewer than four the rounding of B shows; over 32 the estimators are still
 /// linear.
 const STEP: f64 = 8.0;
-/// Greatest code.
-const CODE_MOST: u16 = 4095;
 /// Channels in the order of a scan's codes.
 const CHANNELS: [&str; 4] = [
     "force noise",
@@ -100,7 +99,7 @@ fn amounts(rerun: &Rerun<'_>, codes: &[[Option<u16>; 4]], channel: usize, deviat
     let scans: Vec<Scan> = codes.iter().copied().map(scan).collect();
     let slope_squares = |place: usize| {
         let code = codes[place][channel]?;
-        let (less, more) = (code.saturating_sub(step), (code + step).min(CODE_MOST));
+        let (less, more) = (code.saturating_sub(step), (code + step).min(CODES - 1));
         let [below, above] = [less, more].map(|code| {
             let (mut scans, mut changed) = (scans.clone(), codes[place]);
             changed[channel] = Some(code);

@@ -54,18 +54,8 @@ impl<'a> Rerun<'a> {
 
     /// A and B in J, with these settings and codes.
     pub(super) fn energies(&self, settings: &Settings, scans: &[Scan]) -> [f64; 2] {
-        let (strike, _) = self.report(settings, scans);
+        let (strike, _) = measured_again(&self.strike.said, settings, scans);
         [strike.absorbed_measured, strike.absorbed_predicted].map(|energy| energy.joules())
-    }
-
-    /// The bead's result with these settings and codes.
-    pub(super) fn report(&self, settings: &Settings, scans: &[Scan]) -> (Strike, Shape) {
-        let said = &self.strike.said;
-        let mut window = Window::open(said.strike, said.first_index);
-        let mut record = WindowRecord::new();
-        record.clear();
-        window.process(settings, scans, &mut record);
-        window.report(settings, &record)
     }
 
     /// A and B in J, with an input moved by a part of itself.
@@ -88,6 +78,15 @@ impl<'a> Rerun<'a> {
         let error = [0, 1].map(|i| (coarse[i] - of[i]).abs());
         Ok(Sensitivity { of, error })
     }
+}
+
+/// The bead's result for the window of a strike, with these settings and codes.
+pub(crate) fn measured_again(said: &Strike, settings: &Settings, scans: &[Scan]) -> (Strike, Shape) {
+    let mut window = Window::open(said.strike, said.first_index);
+    let mut record = WindowRecord::new();
+    record.clear();
+    window.process(settings, scans, &mut record);
+    window.report(settings, &record)
 }
 
 /// The settings of a description.

@@ -293,26 +293,27 @@ mod tests {
 
     use super::*;
     use crate::budget::input::scale;
+    use crate::budget::run::measured_again;
     use crate::spread::RunningMean;
     use crate::testing::{recorded, recorded_strike};
 
-    /// The uncertainty 1 % for each input but the front mass, and no correlation.
-    fn one_percent() -> Uncertainty {
-        let percent = Some(Relative::new(0.01));
+    /// This relative uncertainty for each input but the front mass, and no correlation.
+    fn every(part: f64) -> Uncertainty {
+        let part = Some(Relative::new(part));
         Uncertainty {
-            force_gain: percent,
-            force_gain_ratio: percent,
-            force_flatness: percent,
-            acceleration_gain: percent,
-            acceleration_gain_ratio: percent,
-            acceleration_flatness: percent,
-            supply: percent,
-            bead_mass: percent,
-            intruder_mass: percent,
-            stiffness: percent,
-            damping: percent,
-            contact_stiffness: percent,
-            relaxation: percent,
+            force_gain: part,
+            force_gain_ratio: part,
+            force_flatness: part,
+            acceleration_gain: part,
+            acceleration_gain_ratio: part,
+            acceleration_flatness: part,
+            supply: part,
+            bead_mass: part,
+            intruder_mass: part,
+            stiffness: part,
+            damping: part,
+            contact_stiffness: part,
+            relaxation: part,
             ..Uncertainty::default()
         }
     }
@@ -342,7 +343,7 @@ mod tests {
     #[test]
     fn sensitivities_of_a_are_those_of_its_closed_form_and_what_cannot_matter_has_none() {
         let strike = recorded_strike();
-        let budget = StrikeBudget::of(&strike, Some(one_percent()), None).unwrap();
+        let budget = StrikeBudget::of(&strike, Some(every(0.01)), None).unwrap();
         let shape = strike.shape.unwrap();
         let bead = strike.settings.unwrap().description().physics();
         // E = (m²/c) ∫ (a - y)² dt, where y is a behind a low-pass with λ = k/c: at the ring's frequency a -
@@ -388,10 +389,8 @@ mod tests {
         let usual = Uncertainty {
             force_gain: part(0.0105),
             force_gain_ratio: part(1e-5),
-            force_flatness: part(0.01),
             acceleration_gain: part(0.005),
             acceleration_gain_ratio: part(1e-5),
-            acceleration_flatness: part(0.01),
             supply: part(0.002),
             bead_mass: part(2e-4),
             intruder_mass: part(0.003),
@@ -402,7 +401,7 @@ mod tests {
             stiffness_with_damping: Relative::new(0.2),
             stiffness_with_mass: Relative::new(0.6),
             damping_with_mass: Relative::new(0.15),
-            ..Uncertainty::default()
+            ..every(0.01)
         };
         for (radius, velocity) in [(0.003, 0.6), (0.0045, 0.3), (0.007, 0.3), (0.01, 0.3)] {
             for (stiffer, more_damped, heavier) in
@@ -421,7 +420,7 @@ mod tests {
                     .with(|description| description.uncertainty = Some(usual))
                     .ok();
                 let rerun = Rerun::new(&strike, *strike.settings.unwrap().description()).unwrap();
-                let (_, shape) = rerun.report(&rerun.settings, &rerun.scans);
+                let (_, shape) = measured_again(&strike.said, &rerun.settings, &rerun.scans);
                 let sent = shape.uncertainty.unwrap();
                 let budget = StrikeBudget::of(&strike, None, None).unwrap();
                 let greater = budget.measured.value.max(budget.predicted.value);
@@ -449,24 +448,7 @@ mod tests {
             scale(description, SettingKey::UForceGain, 1.01);
             description.capture.disagreement = 0.01;
         });
-        let percent = one_percent();
-        let little = Some(Relative::new(1e-6));
-        let exact = Uncertainty {
-            force_gain: little,
-            force_gain_ratio: little,
-            force_flatness: little,
-            acceleration_gain: little,
-            acceleration_gain_ratio: little,
-            acceleration_flatness: little,
-            supply: little,
-            bead_mass: little,
-            intruder_mass: little,
-            stiffness: little,
-            damping: little,
-            contact_stiffness: little,
-            relaxation: little,
-            ..Uncertainty::default()
-        };
+        let (percent, exact) = (every(0.01), every(1e-6));
         // One that is unknown makes all unknown.
         let partly = Uncertainty {
             damping: None,
@@ -484,7 +466,7 @@ mod tests {
                 description.capture.disagreement = disagreement;
             });
             let rerun = Rerun::new(&strike, *settings.unwrap().description()).unwrap();
-            let (said, shape) = rerun.report(&rerun.settings, &rerun.scans);
+            let (said, shape) = measured_again(&strike.said, &rerun.settings, &rerun.scans);
             assert_eq!(
                 said.flags.has(StrikeFlags::ESTIMATES_DIFFER),
                 differs,
