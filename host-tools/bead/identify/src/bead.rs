@@ -79,7 +79,14 @@ pub type BeadStrikes = GatheredBead<Vec<TakenStrike>>;
 pub fn take(bead: &mut BeadStrikes, recording: (usize, &str), strike: &RecordedStrike, doubtful: bool) {
     let (place, name) = recording;
     let number = strike.said.strike;
-    match signals(strike, doubtful) {
+    let spoiled = Flags::from_bits(strike.said.flags.bits() & SPOILED.bits());
+    let series = if spoiled == Flags::NONE || doubtful {
+        StrikeSeries::of(strike)
+    } else {
+        let names: Vec<_> = spoiled.names().collect();
+        Err(format!("it is flagged: {}", names.join(", ")))
+    };
+    match series {
         Ok(series) => bead.gathered.push(TakenStrike {
             recording: place,
             number,
@@ -91,16 +98,6 @@ pub fn take(bead: &mut BeadStrikes, recording: (usize, &str), strike: &RecordedS
             why,
         }),
     }
-}
-
-/// The signals of a strike, or why it has none that a model explains.
-fn signals(strike: &RecordedStrike, doubtful: bool) -> Result<StrikeSeries, String> {
-    let spoiled = Flags::from_bits(strike.said.flags.bits() & SPOILED.bits());
-    if spoiled != Flags::NONE && !doubtful {
-        let names: Vec<_> = spoiled.names().collect();
-        return Err(format!("it is flagged: {}", names.join(", ")));
-    }
-    StrikeSeries::of(strike)
 }
 
 /// A bead with its quantities.

@@ -4,7 +4,7 @@ use bead_tables::printable::first_of;
 use hertz_chain::tangents::{Parameter, tangents};
 use hertz_chain::{Contact, Scenario};
 
-use crate::quantity::{Quantity, Values};
+use crate::quantity::{Quantity, Values, ungained};
 
 /// Longest step of the integration, s.
 const LONGEST_STEP: f64 = 5e-6;
@@ -18,13 +18,13 @@ pub(crate) const DIRECTIONS: usize = 8;
 /// A host in a chain.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ChainOfScenario {
-    scenario: Scenario,
-    bead: usize,
+    pub(crate) scenario: Scenario,
+    pub(crate) bead: usize,
     /// The `[[intruder]]` table of its intruder, if there is one.
     table: Option<usize>,
     mass: f64,
     /// Step of the integration, s.
-    step: f64,
+    pub(crate) step: f64,
 }
 
 impl ChainOfScenario {
@@ -110,21 +110,11 @@ impl ChainOfScenario {
     /// The values of the scenario, with gains of 1.
     pub fn values(&self) -> Values {
         let chain = &self.scenario.chain;
-        let mut values = [1.0; crate::quantity::COUNT];
-        if let Some(table) = self.table {
+        let springs = self.table.map_or([1.0; 3], |table| {
             let intruder = &self.scenario.intruders[table];
-            values[Quantity::Stiffness.place()] = intruder.stiffness;
-            values[Quantity::Damping.place()] = intruder.damping;
-            values[Quantity::IntruderMass.place()] = intruder.mass;
-        }
-        for (quantity, value) in [
-            (Quantity::BeadMass, self.mass),
-            (Quantity::Young, chain.young),
-            (Quantity::Relaxation, chain.relaxation),
-        ] {
-            values[quantity.place()] = value;
-        }
-        values
+            [intruder.stiffness, intruder.damping, intruder.mass]
+        });
+        ungained(springs, [self.mass, chain.young, chain.relaxation])
     }
 
     /// The contact behind the bead at these values.
@@ -152,26 +142,6 @@ impl ChainOfScenario {
         scenario.chain.density *= of(Quantity::BeadMass) / self.mass;
         scenario.striker.velocity *= faster;
         scenario
-    }
-
-    /// Step of the integration, s.
-    pub(crate) fn step(&self) -> f64 {
-        self.step
-    }
-
-    /// The bead.
-    pub(crate) fn bead(&self) -> usize {
-        self.bead
-    }
-
-    /// The scenario as it was given.
-    pub(crate) fn scenario(&self) -> &Scenario {
-        &self.scenario
-    }
-
-    /// Velocity of the striker in the scenario, m/s.
-    pub(crate) fn velocity(&self) -> f64 {
-        self.scenario.striker.velocity
     }
 
     /// The shared directions, and the striker's velocity as the first one.

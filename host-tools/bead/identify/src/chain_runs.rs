@@ -36,7 +36,7 @@ struct GridRun {
 /// A chain with its runs at speeds on a grid, for the last values of the quantities that were asked for.
 #[derive(Debug)]
 pub struct ChainRuns {
-    chain: ChainOfScenario,
+    pub(crate) chain: ChainOfScenario,
     runs: Mutex<Vec<(Values, Vec<Arc<GridRun>>)>>,
 }
 
@@ -45,11 +45,6 @@ impl ChainRuns {
     pub fn new(chain: ChainOfScenario) -> Arc<Self> {
         let runs = Mutex::default();
         Arc::new(Self { chain, runs })
-    }
-
-    /// The chain.
-    pub fn chain(&self) -> &ChainOfScenario {
-        &self.chain
     }
 
     fn run_at(
@@ -86,7 +81,7 @@ impl ChainRuns {
         let made = run.run.get_or_init(|| {
             let chain = &self.chain;
             let scenario = chain.with(values, speed_of(node).exp());
-            let span = (run.duration, chain.step());
+            let span = (run.duration, chain.step);
             tangents(&scenario, &chain.directions(), sensors, None, span).map_err(|error| error.to_string())
         });
         match made {
@@ -109,7 +104,7 @@ impl ChainRuns {
         let signal = signals(&run).steps(0).iter().enumerate();
         let highest = signal.max_by(|a, b| a.1.value.total_cmp(&b.1.value));
         let (step, value) = highest.map_or((0, 0.0), |(step, signal)| (step, signal.value));
-        Ok((step as f64 * self.chain.step(), value))
+        Ok((step as f64 * self.chain.step, value))
     }
 
     /// The signals of `sensors` for `duration` s, of a striker whose speed has the logarithm `speed` beside
@@ -132,7 +127,7 @@ impl ChainRuns {
             part: speed / SPACING - f64::from(slower),
             speed,
             arrival,
-            velocity: self.chain.velocity(),
+            velocity: self.chain.scenario.striker.velocity,
         })
     }
 }
@@ -220,10 +215,10 @@ mod tests {
                     .signals(&values, &sensors, (speed, arrival, duration))
                     .unwrap();
                 let exact = chain.with(&values, speed.exp());
-                let span = (duration, chain.step());
+                let span = (duration, chain.step);
                 let exact =
                     tangents::<DIRECTIONS>(&exact, &chain.directions(), &sensors, None, span).unwrap();
-                let factor = chain.velocity() * speed.exp();
+                let factor = chain.scenario.striker.velocity * speed.exp();
                 for sensor in [0, 1] {
                     let (mut off, mut most) = ([0.0; 1 + DIRECTIONS], [0.0; 1 + DIRECTIONS]);
                     for n in 0..1000 {

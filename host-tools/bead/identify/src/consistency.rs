@@ -1,12 +1,12 @@
 //! Agreement of strikes and recordings with each other, and of the spring with a straight line.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 use schemars::JsonSchema;
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-use crate::fit::{Fit, FitError, fit, part, sum};
-use crate::model::{HARDENING, StrikeModel};
+use crate::fit::{Fit, FitError, fit, part};
+use crate::model::HARDENING;
 use crate::normal::Normal;
 use crate::quantity::Quantity;
 use crate::spread::{Goodness, LEAST_PROBABILITY, covariance};
@@ -75,7 +75,7 @@ pub fn scatter(best: &Fit<'_>) -> f64 {
     // Each strike alone would be best one step away from the common values.
     let mut squares = 0.0;
     for strike in &best.strikes {
-        let (information, right) = part(&strike.normal, &best.free);
+        let (information, right) = part(&strike.normal.shared, &best.free);
         let Some(solved) = information.cholesky().map(|factor| factor.solve(&right)) else {
             return 1.0;
         };
@@ -138,9 +138,8 @@ pub fn hardening(best: &Fit<'_>, noise_free: f64) -> Option<Hardening> {
 ///
 /// # Errors
 /// One finds no end.
-pub fn by_recording<'a>(
-    best: &Fit<'a>,
-    starts: &[(usize, &'a dyn StrikeModel, Vec<f64>)],
+pub fn by_recording(
+    best: &Fit<'_>,
     recording_of: &[usize],
     names: &[String],
     scale: f64,
@@ -153,15 +152,11 @@ pub fn by_recording<'a>(
     }
     let mut all = Vec::new();
     for recording in present {
-        let own: Vec<(&dyn StrikeModel, Vec<f64>)> = starts
-            .iter()
-            .zip(recording_of)
-            .filter(|(_, of)| **of == recording)
-            .map(|((_, model, own), _)| (*model, own.clone()))
-            .collect();
+        let strikes = best.starts().into_iter().zip(recording_of);
+        let own = strikes.filter(|(_, of)| **of == recording);
+        let own: Vec<_> = own.map(|(start, _)| start).collect();
         let alone = fit(&own, &best.values, &best.free)?;
-        let normal = sum(alone.strikes.iter().map(|strike| &strike.normal));
-        let Some(covariance): Option<DMatrix<f64>> = covariance(&normal, &best.free) else {
+        let Some(covariance) = covariance(&alone.normal, &best.free) else {
             continue;
         };
         // A difference between recordings is no scatter of this one.

@@ -1,7 +1,7 @@
 //! Least squares over all strikes at once, by Levenberg's and Marquardt's method.
 
 use nalgebra::{DMatrix, DVector};
-use rayon::iter::{IndexedParallelIterator, IntoParallelIterator, IntoParallelRefIterator, ParallelIterator};
+use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 
 use crate::model::StrikeModel;
 use crate::normal::{Normal, SharedVector, StrikeNormal};
@@ -25,14 +25,13 @@ pub struct FittedStrike<'a> {
     /// Its own numbers.
     pub own: Vec<f64>,
     /// Its normal equations at the best fit.
-    pub normal: Normal,
-    whole: StrikeNormal,
+    pub normal: StrikeNormal,
 }
 
 impl FittedStrike<'_> {
     /// Standard error of an own number, for a covariance of the logarithms of the free quantities.
     pub fn own_error(&self, number: usize, free: &[Quantity], covariance: &DMatrix<f64>) -> f64 {
-        self.whole.own_variance(number, free, covariance).sqrt()
+        self.normal.own_variance(number, free, covariance).sqrt()
     }
 }
 
@@ -46,6 +45,14 @@ pub struct Fit<'a> {
     pub strikes: Vec<FittedStrike<'a>>,
     /// Sum of their normal equations at the best fit.
     pub normal: Normal,
+}
+
+impl<'a> Fit<'a> {
+    /// The strikes with their own numbers, as another fit begins with them.
+    pub(crate) fn starts(&self) -> Vec<StrikeStart<'a>> {
+        let strikes = self.strikes.iter();
+        strikes.map(|strike| (strike.model, strike.own.clone())).collect()
+    }
 }
 
 /// Why a fit found nothing.
@@ -70,37 +77,42 @@ pub enum FitError {
     Singular,
 }
 
-type Evaluated = Result<StrikeNormal, String>;
+/// A strike with its own numbers, as a fit begins with them.
+pub type StrikeStart<'a> = (&'a dyn StrikeModel, Vec<f64>);
 
-fn evaluated(
-    model: &dyn StrikeModel,
+/// The normal equations of strikes at these values.
+///
+/// # Errors
+/// That of the first strike that cannot be computed.
+fn equations(
+    strikes: &[StrikeStart<'_>],
     values: &Values,
-    own: &[f64],
     (damping, with_shared): (f64, bool),
-) -> Evaluated {
-    let evaluation = model.evaluate(values, own, with_shared)?;
-    StrikeNormal::new(&evaluation, damping)
-        .ok_or_else(|| "its speed and moment cannot be told apart; it is too quiet".to_owned())
+) -> Result<Vec<StrikeNormal>, FitError> {
+    let of = |(model, own): &StrikeStart<'_>| {
+        let mut evaluation = model.evaluate(values, own, with_shared)?;
+        evaluation.columns().for_each(|column| model.whiten(column));
+        StrikeNormal::new(&evaluation, damping)
+            .ok_or_else(|| "its speed and moment cannot be told apart; it is too quiet".to_owned())
+    };
+    let all: Vec<Result<StrikeNormal, String>> = strikes.par_iter().map(of).collect();
+    let all = all.into_iter().enumerate();
+    all.map(|(strike, one)| one.map_err(|why| FitError::Strike { strike, why }))
+        .collect()
 }
 
 /// Sum of the normal equations of strikes at these values.
 ///
 /// # Errors
 /// A strike cannot be computed.
-pub fn normal_at(strikes: &[(&dyn StrikeModel, Vec<f64>)], values: &Values) -> Result<Normal, FitError> {
-    let all: Result<Vec<StrikeNormal>, FitError> = strikes
-        .par_iter()
-        .enumerate()
-        .map(|(strike, (model, own))| {
-            evaluated(*model, values, own, (0.0, true)).map_err(|why| FitError::Strike { strike, why })
-        })
-        .collect();
-    Ok(sum(all?.iter().map(|one| &one.normal)))
+pub fn normal_at(strikes: &[StrikeStart<'_>], values: &Values) -> Result<Normal, FitError> {
+    let all = equations(strikes, values, (0.0, true))?;
+    Ok(sum(all.iter().map(|one| &one.shared)))
 }
 
 /// Sum of normal equations.
-pub fn sum<'n>(normals: impl IntoIterator<Item = &'n Normal>) -> Normal {
-    let mut sum = Normal::none();
+fn sum<'n>(normals: impl IntoIterator<Item = &'n Normal>) -> Normal {
+    let mut sum = Normal::default();
     normals.into_iter().for_each(|one| sum.add(one));
     sum
 }
@@ -137,54 +149,36 @@ fn step(normal: &Normal, free: &[Quantity], damping: f64) -> Option<SharedVector
 ///
 /// # Errors
 /// A strike cannot be computed at the start, the quantities cannot be told apart, or no end is found.
-pub fn fit<'a>(
-    strikes: &[(&'a dyn StrikeModel, Vec<f64>)],
-    start: &Values,
-    free: &[Quantity],
-) -> Result<Fit<'a>, FitError> {
-    let models: Vec<&'a dyn StrikeModel> = strikes.iter().map(|(model, _)| *model).collect();
-    let mut owns: Vec<Vec<f64>> = strikes.iter().map(|(_, own)| own.clone()).collect();
-    let mut values = *start;
+pub fn fit<'a>(strikes: &[StrikeStart<'a>], start: &Values, free: &[Quantity]) -> Result<Fit<'a>, FitError> {
+    let (mut strikes, mut values) = (strikes.to_vec(), *start);
     let mut damping = 1e-4;
     let with_shared = !free.is_empty();
-    let all = |values: &Values, owns: &[Vec<f64>], damping: f64| -> Vec<Evaluated> {
-        let pairs: Vec<_> = models.iter().zip(owns).collect();
-        pairs
-            .into_par_iter()
-            .map(|(model, own)| evaluated(*model, values, own, (damping, with_shared)))
-            .collect()
-    };
-    let first: Result<Vec<StrikeNormal>, FitError> = all(&values, &owns, damping)
-        .into_iter()
-        .enumerate()
-        .map(|(strike, one)| one.map_err(|why| FitError::Strike { strike, why }))
-        .collect();
-    let mut normals = first?;
+    let mut normals = equations(&strikes, &values, (damping, with_shared))?;
     let mut steps_left = MOST_STEPS;
     loop {
-        let total = sum(normals.iter().map(|one| &one.normal));
+        let total = sum(normals.iter().map(|one| &one.shared));
         let step = step(&total, free, damping).ok_or(FitError::Singular)?;
-        let steps: Vec<Vec<f64>> = normals.par_iter().map(|one| one.own_step(&step)).collect();
         let without_own: f64 = normals.iter().map(StrikeNormal::squares_without_own).sum();
         let gain = total.squares - without_own + step.dot(&(2.0 * total.right - total.information * step));
         let mut log = [0.0; COUNT];
         log.copy_from_slice(&step.as_slice()[..COUNT]);
         let next_values = moved(&values, &log);
-        let next_owns: Vec<Vec<f64>> = owns
-            .iter()
-            .zip(&steps)
-            .map(|(own, step)| own.iter().zip(step).map(|(own, step)| own + step).collect())
-            .collect();
-        let next: Result<Vec<StrikeNormal>, String> = all(&next_values, &next_owns, SHRINK * damping)
-            .into_iter()
-            .collect();
+        let stepped = |((model, own), normal): (&StrikeStart<'a>, &StrikeNormal)| {
+            let steps = normal.own_step(&step).into_iter();
+            (
+                *model,
+                own.iter().zip(steps).map(|(own, step)| own + step).collect(),
+            )
+        };
+        let next_strikes: Vec<StrikeStart<'a>> = strikes.iter().zip(&normals).map(stepped).collect();
+        let next = equations(&next_strikes, &next_values, (SHRINK * damping, with_shared));
         let next = next.ok().filter(|next| {
-            let squares: f64 = next.iter().map(|one| one.normal.squares).sum();
+            let squares: f64 = next.iter().map(|one| one.shared.squares).sum();
             squares <= total.squares * (1.0 + 1e-12)
         });
         match next {
             Some(next) => {
-                (values, owns, normals) = (next_values, next_owns, next);
+                (values, strikes, normals) = (next_values, next_strikes, next);
                 damping *= SHRINK;
                 if gain.abs() < ENOUGH {
                     break;
@@ -196,8 +190,7 @@ pub fn fit<'a>(
                 if damping > 1e8 {
                     return Err(FitError::NoEnd);
                 }
-                let again: Result<Vec<StrikeNormal>, String> =
-                    all(&values, &owns, damping).into_iter().collect();
+                let again = equations(&strikes, &values, (damping, with_shared));
                 normals = again.map_err(|_| FitError::NoEnd)?;
             }
         }
@@ -207,34 +200,16 @@ pub fn fit<'a>(
         }
     }
     if damping > UNDAMPED {
-        let again: Result<Vec<StrikeNormal>, String> = all(&values, &owns, 0.0).into_iter().collect();
+        let again = equations(&strikes, &values, (0.0, with_shared));
         normals = again.map_err(|_| FitError::NoEnd)?;
     }
-    Ok(finished(values, free, &models, owns, normals))
-}
-
-fn finished<'a>(
-    values: Values,
-    free: &[Quantity],
-    models: &[&'a dyn StrikeModel],
-    owns: Vec<Vec<f64>>,
-    normals: Vec<StrikeNormal>,
-) -> Fit<'a> {
-    let strikes: Vec<FittedStrike<'a>> = models
-        .iter()
-        .zip(owns)
-        .zip(normals)
-        .map(|((model, own), normal)| FittedStrike {
-            model: *model,
-            own,
-            normal: normal.normal.clone(),
-            whole: normal,
-        })
-        .collect();
-    Fit {
+    let normal = sum(normals.iter().map(|one| &one.shared));
+    let strikes = strikes.into_iter().zip(normals);
+    let strikes = strikes.map(|((model, own), normal)| FittedStrike { model, own, normal });
+    Ok(Fit {
         values,
         free: free.to_vec(),
-        normal: sum(strikes.iter().map(|strike| &strike.normal)),
-        strikes,
-    }
+        strikes: strikes.collect(),
+        normal,
+    })
 }

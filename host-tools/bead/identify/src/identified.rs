@@ -2,11 +2,12 @@
 
 use crate::consistency::{self, Doubt, Hardening, RecordingValues};
 use crate::degeneracy::{Degenerate, separable, singular_values};
-use crate::fit::{Fit, FitError, fit, normal_at};
+use crate::fit::{Fit, FitError, StrikeStart, fit, normal_at};
 use crate::model::StrikeModel;
 use crate::quantity::{COUNT, Quantity, Values};
 use crate::spread::{Goodness, MOST_PROFILED, combined, covariance, coverage_factor, profile};
 use nalgebra::DMatrix;
+use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 
 /// Times the median of χ²/ν at which a strike is left out as one that is unlike the others.
 const UNLIKE: f64 = 30.0;
@@ -72,43 +73,29 @@ pub struct Identified<'a> {
     pub doubts: Vec<Doubt>,
 }
 
-type Starts<'a> = Vec<(usize, &'a dyn StrikeModel, Vec<f64>)>;
+/// Strikes that can be computed: places among the candidates, and each model with its own numbers.
+type Starts<'a> = (Vec<usize>, Vec<StrikeStart<'a>>);
 
 /// Fits own numbers alone, and leaves out what cannot be computed.
 fn begun<'a>(candidates: &'a [Candidate], start: &Values) -> (Starts<'a>, Vec<(usize, String)>) {
-    let (mut starts, mut left_out) = (Vec::new(), Vec::new());
-    let found: Vec<_> = {
-        use rayon::iter::{IndexedParallelIterator, IntoParallelRefIterator, ParallelIterator};
-        candidates
-            .par_iter()
-            .enumerate()
-            .map(|(place, candidate)| {
-                let model: &dyn StrikeModel = &*candidate.model;
-                let one = fit(&[(model, model.own())], start, &[]);
-                (
-                    place,
-                    one.map(|one| one.strikes.into_iter().next().map(|strike| strike.own)),
-                )
-            })
-            .collect()
+    let ((mut used, mut starts), mut left_out) = (Starts::default(), Vec::new());
+    let own = |candidate: &Candidate| {
+        let model: &dyn StrikeModel = &*candidate.model;
+        let one = fit(&[(model, model.own())], start, &[])?;
+        Ok(one.strikes[0].own.clone())
     };
-    for (place, found) in found {
-        let model: &dyn StrikeModel = &*candidates[place].model;
+    let found: Vec<Result<Vec<f64>, FitError>> = candidates.par_iter().map(own).collect();
+    for (place, found) in found.into_iter().enumerate() {
         match found {
-            Ok(Some(own)) => starts.push((place, model, own)),
-            Ok(None) => {}
+            Ok(own) => {
+                used.push(place);
+                starts.push((&*candidates[place].model, own));
+            }
             Err(FitError::Strike { why, .. }) => left_out.push((place, why)),
             Err(error) => left_out.push((place, error.to_string())),
         }
     }
-    (starts, left_out)
-}
-
-fn pairs<'a>(starts: &Starts<'a>) -> Vec<(&'a dyn StrikeModel, Vec<f64>)> {
-    starts
-        .iter()
-        .map(|(_, model, own)| (*model, own.clone()))
-        .collect()
+    ((used, starts), left_out)
 }
 
 /// Identifies a bead from its strikes.
@@ -116,34 +103,27 @@ fn pairs<'a>(starts: &Starts<'a>) -> Vec<(&'a dyn StrikeModel, Vec<f64>)> {
 /// # Errors
 /// No strike can be computed, or the fit finds no end.
 pub fn identify<'a>(candidates: &'a [Candidate], wanted: &Wanted) -> Result<Identified<'a>, FitError> {
-    let (mut starts, mut left_out) = begun(candidates, &wanted.start);
+    let ((mut used, mut starts), mut left_out) = begun(candidates, &wanted.start);
     if starts.is_empty() {
-        let why = left_out
-            .first()
-            .map_or("there is none", |(_, why)| why)
-            .to_owned();
-        let strike = left_out.first().map_or(0, |(place, _)| *place);
+        let first = left_out.into_iter().next();
+        let (strike, why) = first.unwrap_or_else(|| (0, "there is none".to_owned()));
         return Err(FitError::Strike { strike, why });
     }
-    let at_start = normal_at(&pairs(&starts), &wanted.start)?;
+    let at_start = normal_at(&starts, &wanted.start)?;
     let (free, degenerate) = separable(&at_start, &wanted.free);
     let singular = singular_values(&at_start, &wanted.free);
-    let mut best = fit(&pairs(&starts), &wanted.start, &free)?;
+    let mut best = fit(&starts, &wanted.start, &free)?;
     // A strike that is unlike all others would pull them.
     let unlike = unlike_others(&best);
     if !unlike.is_empty() {
         for (at, ratio) in unlike.iter().rev() {
-            let (place, ..) = starts.remove(*at);
+            starts.remove(*at);
             let why =
                 format!("it is unlike the others: its χ²/ν is {ratio:.0}; look at it with `bead compare`");
-            left_out.push((place, why));
+            left_out.push((used.remove(*at), why));
         }
-        best = fit(&pairs(&starts), &best.values, &free)?;
+        best = fit(&starts, &best.values, &free)?;
     }
-    for ((.., own), strike) in starts.iter_mut().zip(&best.strikes) {
-        own.clone_from(&strike.own);
-    }
-    let used: Vec<usize> = starts.iter().map(|(place, ..)| *place).collect();
     let recording_of: Vec<usize> = used.iter().map(|place| candidates[*place].recording).collect();
 
     let goodness = Goodness::of(&best.normal, free.len(), wanted.noise_free);
@@ -151,7 +131,7 @@ pub fn identify<'a>(candidates: &'a [Candidate], wanted: &Wanted) -> Result<Iden
     let scatter = consistency::scatter(&best);
     let scale = goodness.scale().max(scatter);
     let hardening = consistency::hardening(&best, wanted.noise_free);
-    let recordings = consistency::by_recording(&best, &starts, &recording_of, &wanted.recordings, scale)?;
+    let recordings = consistency::by_recording(&best, &recording_of, &wanted.recordings, scale)?;
     let doubts = consistency::doubts(&best, &goodness, scatter, hardening.as_ref(), &recordings);
 
     let covariance = unscaled.clone() * (scale * scale);
@@ -192,7 +172,9 @@ pub fn identify<'a>(candidates: &'a [Candidate], wanted: &Wanted) -> Result<Iden
 
 /// Places of strikes that are unlike the others, with their χ²/ν.
 fn unlike_others(best: &Fit<'_>) -> Vec<(usize, f64)> {
-    let ratio = |strike: &crate::fit::FittedStrike<'_>| strike.normal.squares / strike.normal.free.max(1.0);
+    let ratio = |strike: &crate::fit::FittedStrike<'_>| {
+        strike.normal.shared.squares / strike.normal.shared.free.max(1.0)
+    };
     let ratios: Vec<f64> = best.strikes.iter().map(ratio).collect();
     if ratios.len() < ENOUGH_FOR_MEDIAN {
         return Vec::new();

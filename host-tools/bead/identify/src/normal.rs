@@ -17,7 +17,7 @@ pub type SharedMatrix = SMatrix<f64, SHARED, SHARED>;
 pub type SharedVector = SVector<f64, SHARED>;
 
 /// The normal equations of one strike, or the sum of many.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Normal {
     /// Information of the shared directions.
     pub information: SharedMatrix,
@@ -30,16 +30,6 @@ pub struct Normal {
 }
 
 impl Normal {
-    /// No strike.
-    pub fn none() -> Self {
-        Self {
-            information: SharedMatrix::zeros(),
-            right: SharedVector::zeros(),
-            squares: 0.0,
-            free: 0.0,
-        }
-    }
-
     /// Adds another's equations.
     pub fn add(&mut self, other: &Self) {
         self.information += other.information;
@@ -53,7 +43,7 @@ impl Normal {
 #[derive(Debug, Clone, PartialEq)]
 pub struct StrikeNormal {
     /// Those of the shared directions.
-    pub normal: Normal,
+    pub shared: Normal,
     /// Inverse of the own numbers' information.
     own_inverse: DMatrix<f64>,
     own_right: DVector<f64>,
@@ -62,7 +52,7 @@ pub struct StrikeNormal {
 }
 
 impl StrikeNormal {
-    /// The equations of an evaluation; `damping` (Marquardt's λ) applies to its own numbers. `None` if these
+    /// The equations of a whitened evaluation; `damping` (Marquardt's λ) applies to its own numbers. `None` if these
     /// cannot be told apart.
     pub fn new(evaluation: &Evaluation, damping: f64) -> Option<Self> {
         let residuals = &evaluation.residuals;
@@ -83,16 +73,16 @@ impl StrikeNormal {
         let information = SharedMatrix::from_fn(|a, b| dot(&shared[a], &shared[b]));
         let right = SharedVector::from_fn(|a, _| dot(&shared[a], residuals));
         let carried = mixed.transpose() * &own_inverse;
-        let normal = Normal {
+        let shared = Normal {
             information: information - &carried * &mixed,
             right: right - &carried * &own_right,
             squares: dot(residuals, residuals),
             free: residuals.len() as f64 - count as f64,
         };
         let is_finite =
-            normal.squares.is_finite() && normal.information.iter().all(|value| value.is_finite());
+            shared.squares.is_finite() && shared.information.iter().all(|value| value.is_finite());
         is_finite.then_some(Self {
-            normal,
+            shared,
             own_inverse,
             own_right,
             mixed,
@@ -114,6 +104,6 @@ impl StrikeNormal {
 
     /// Sum of squares after the best step of the own numbers alone, if the model were linear.
     pub fn squares_without_own(&self) -> f64 {
-        self.normal.squares - (self.own_right.transpose() * &self.own_inverse * &self.own_right)[0]
+        self.shared.squares - (self.own_right.transpose() * &self.own_inverse * &self.own_right)[0]
     }
 }

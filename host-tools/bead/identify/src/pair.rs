@@ -13,7 +13,7 @@ use std::f64::consts::TAU;
 use hertz_chain::tangents::{Dual, Parameter, Push, Sensor, SensorPlace, SignalTangents, tangents};
 use hertz_chain::{Chain, Intruder, Oscillator, Scenario, Striker};
 
-use crate::model::{Evaluation, SignalSample, StrikeModel};
+use crate::model::{Evaluation, ExplainedChannels, StrikeModel};
 use crate::noise::Noise;
 use crate::quantity::{Quantity, Values};
 use crate::series::{Series, StrikeSeries};
@@ -36,8 +36,6 @@ const DIRECTIONS: usize = 4;
 /// A tap.
 #[derive(Debug)]
 pub struct Tap {
-    rate: f64,
-    trigger: usize,
     length: usize,
     /// Mass in front of the crystal, which the force does not accelerate, kg.
     front_mass: f64,
@@ -45,8 +43,9 @@ pub struct Tap {
     from: usize,
     force: Vec<f64>,
     force_noise: Noise,
-    /// Channels of the acceleration, each with the time by which it is later than the force, s.
-    series: Vec<(Series, Noise, f64)>,
+    /// Channels of the acceleration, and the time by which each is later than the force, s.
+    channels: ExplainedChannels,
+    later: Vec<f64>,
 }
 
 impl Tap {
@@ -55,13 +54,8 @@ impl Tap {
     /// # Errors
     /// Why there is none, as the end of a sentence.
     pub fn new(strike: &StrikeSeries, noises: &[Option<Noise>; 4]) -> Result<Self, String> {
-        let noise_of = |series: &Series| {
-            let noise = noises[series.channel.place()].clone();
-            noise.ok_or("a channel has no quiet codes".to_owned())
-        };
-        let of_force = strike.series.iter().find(|series| series.channel.is_force());
-        let of_force = of_force.ok_or("it has no force")?;
-        let force_noise = noise_of(of_force)?;
+        let of_force = strike.force()?;
+        let force_noise = of_force.noise(noises)?;
         let merged = strike.merged(true);
         let limit = FORCE_ACTS * force_noise.deviation();
         let acts = || {
@@ -98,20 +92,17 @@ impl Tap {
             return Err(format!("its force is too quiet, {peak:.3} N; tap harder"));
         }
         let lag = |pole: f64| if pole > 0.0 { 1.0 / (TAU * pole) } else { 0.0 };
-        let mut series = Vec::new();
-        for one in strike.series.iter().filter(|series| !series.channel.is_force()) {
-            let later = one.delay - of_force.delay + lag(of_force.pole) - lag(one.pole);
-            series.push((one.clone(), noise_of(one)?, later));
-        }
+        let channels = ExplainedChannels::of(strike, noises, |channel| !channel.is_force())?;
+        let later =
+            |(one, _): &(Series, Noise)| one.delay - of_force.delay + lag(of_force.pole) - lag(one.pole);
         Ok(Self {
-            rate: strike.rate,
-            trigger: strike.trigger,
             length: strike.length,
             front_mass: strike.description.bead.front_mass,
             from,
             force,
             force_noise,
-            series,
+            later: channels.series.iter().map(later).collect(),
+            channels,
         })
     }
 
@@ -134,7 +125,7 @@ impl Tap {
         let push = Push {
             bead: 1,
             start: 0.0,
-            rate: self.rate,
+            rate: self.channels.rate,
             force,
         };
         let sensor = Sensor {
@@ -148,7 +139,7 @@ impl Tap {
             Parameter::IntruderMass(0),
             Parameter::Density,
         ];
-        let duration = (self.length - self.from + 4 * BEFORE) as f64 / self.rate;
+        let duration = (self.length - self.from + 4 * BEFORE) as f64 / self.channels.rate;
         let mut run =
             tangents::<DIRECTIONS>(&scenario, &parameters, &[sensor], Some(&push), (duration, STEP))
                 .map_err(|error| error.to_string())?;
@@ -167,7 +158,7 @@ impl Tap {
     fn table(&self, run: &SignalTangents<DIRECTIONS>, later: f64) -> Vec<Dual<DIRECTIONS>> {
         let count = self.length - self.from + BEFORE;
         (0..count)
-            .map(|n| run.at(0, n as f64 / self.rate + later).0)
+            .map(|n| run.at(0, n as f64 / self.channels.rate + later).0)
             .collect()
     }
 }
@@ -186,129 +177,62 @@ const ALONG: [Quantity; DIRECTIONS] = [
 ];
 
 impl StrikeModel for Tap {
+    fn channels(&self) -> &ExplainedChannels {
+        &self.channels
+    }
+
     fn own(&self) -> Vec<f64> {
         // Zeros of the channels, then the errors of the force.
-        vec![0.0; self.series.len() + self.force.len()]
+        vec![0.0; self.later.len() + self.force.len()]
     }
 
     fn evaluate(&self, values: &Values, own: &[f64], _with_shared: bool) -> Result<Evaluation, String> {
         let run = self.response(values)?;
         let [force_gain, gain] =
             [Quantity::ForceGain, Quantity::AccelerationGain].map(|one| values[one.place()]);
-        let (zeros, errors) = own.split_at(self.series.len());
-        let mut evaluation = Evaluation {
-            residuals: Vec::new(),
-            shared: std::array::from_fn(|_| Vec::new()),
-            own: vec![Vec::new(); own.len()],
-        };
-        let force: Vec<f64> = self
-            .force
-            .iter()
-            .zip(errors)
-            .map(|(force, error)| force - error)
-            .collect();
-        for (place, (series, noise, later)) in self.series.iter().enumerate() {
-            let table = self.table(&run, *later);
-            for stretch in &series.stretches {
-                let begin = evaluation.residuals.len();
-                for (n, measured) in stretch.values.iter().enumerate() {
-                    let at = stretch.from + n;
-                    let mut sum = Dual::<DIRECTIONS>::default();
-                    for (j, force) in force.iter().enumerate() {
-                        let since = (at + BEFORE).checked_sub(self.from + j);
-                        let response = since
-                            .and_then(|since| table.get(since))
-                            .copied()
-                            .unwrap_or_default();
-                        let scale = force_gain / gain;
-                        sum.add_scaled(response, force * scale);
-                        evaluation.own[self.series.len() + j].push(-response.value * scale);
-                    }
-                    evaluation.residuals.push(measured - sum.value - zeros[place]);
-                    for (quantity, by) in ALONG.into_iter().zip(sum.by) {
-                        evaluation.shared[quantity.place()].push(by);
-                    }
-                    evaluation.shared[Quantity::ForceGain.place()].push(sum.value);
-                    evaluation.shared[Quantity::AccelerationGain.place()].push(-sum.value);
-                    for (other, column) in evaluation.own[..self.series.len()].iter_mut().enumerate() {
-                        column.push(f64::from(u8::from(other == place)));
-                    }
-                }
-                whiten(&mut evaluation, noise, begin);
+        let scale = force_gain / gain;
+        let (zeros, errors) = own.split_at(self.later.len());
+        let force = self.force.iter().zip(errors);
+        let force: Vec<f64> = force.map(|(force, error)| force - error).collect();
+        let tables = self.later.iter().map(|later| self.table(&run, *later));
+        let tables: Vec<_> = tables.collect();
+        let mut evaluation = Evaluation::new(own.len());
+        for (place, at, measured) in self.channels.samples() {
+            let mut sum = Dual::<DIRECTIONS>::default();
+            for (j, force) in force.iter().enumerate() {
+                let since = (at + BEFORE).checked_sub(self.from + j);
+                let response = since.and_then(|since| tables[place].get(since));
+                let response = response.copied().unwrap_or_default();
+                sum.add_scaled(response, force * scale);
+                evaluation.own[zeros.len() + j].push(-response.value * scale);
             }
+            evaluation.residuals.push(measured - sum.value - zeros[place]);
+            for (quantity, by) in ALONG.into_iter().zip(sum.by) {
+                evaluation.shared[quantity.place()].push(by);
+            }
+            evaluation.shared[Quantity::ForceGain.place()].push(sum.value);
+            evaluation.shared[Quantity::AccelerationGain.place()].push(-sum.value);
+            evaluation.push_unit(0..zeros.len(), place);
         }
         // The errors of the force have the distribution of its noise.
-        let begin = evaluation.residuals.len();
         for (j, error) in errors.iter().enumerate() {
             evaluation.residuals.push(-error);
             for column in evaluation.shared.iter_mut().filter(|column| !column.is_empty()) {
                 column.push(0.0);
             }
-            for (other, column) in evaluation.own.iter_mut().enumerate() {
-                column.push(f64::from(u8::from(other == self.series.len() + j)));
-            }
+            evaluation.push_unit(0..own.len(), zeros.len() + j);
         }
-        whiten(&mut evaluation, &self.force_noise, begin);
         Ok(evaluation)
     }
 
+    fn whiten(&self, column: &mut [f64]) {
+        let of_force = self.channels.whiten(column);
+        self.force_noise.whiten(of_force);
+    }
+
     fn stroke(&self, values: &Values, _: &[f64]) -> f64 {
-        let values_of = |(series, ..): &(Series, Noise, f64)| {
-            series
-                .stretches
-                .iter()
-                .flat_map(|one| one.values.clone())
-                .collect::<Vec<f64>>()
-        };
-        let greatest = self
-            .series
-            .iter()
-            .flat_map(values_of)
-            .fold(0.0_f64, |most, value| value.abs().max(most));
+        let samples = self.channels.samples();
+        let greatest = samples.fold(0.0_f64, |most, (.., value)| value.abs().max(most));
         greatest * values[Quantity::IntruderMass.place()] / values[Quantity::Stiffness.place()]
-    }
-
-    fn samples(&self, values: &Values, own: &[f64]) -> Result<Vec<SignalSample>, String> {
-        let run = self.response(values)?;
-        let scale = values[Quantity::ForceGain.place()] / values[Quantity::AccelerationGain.place()];
-        let (zeros, errors) = own.split_at(self.series.len());
-        let mut points = Vec::new();
-        for ((series, noise, later), zero) in self.series.iter().zip(zeros) {
-            let table = self.table(&run, *later);
-            for stretch in &series.stretches {
-                for (n, measured) in stretch.values.iter().enumerate() {
-                    let at = stretch.from + n;
-                    let pairs = self.force.iter().zip(errors).enumerate();
-                    let sum: f64 = pairs
-                        .map(|(j, (force, error))| {
-                            let since = (at + BEFORE).checked_sub(self.from + j);
-                            let response = since.and_then(|since| table.get(since));
-                            response.map_or(0.0, |response| response.value * (force - error) * scale)
-                        })
-                        .sum();
-                    points.push(SignalSample {
-                        channel: series.channel,
-                        time: (at as f64 - self.trigger as f64) / self.rate,
-                        measured: *measured,
-                        computed: sum + zero,
-                        deviation: noise.deviation(),
-                    });
-                }
-            }
-        }
-        Ok(points)
-    }
-}
-
-/// Whitens what an evaluation has from a row on.
-fn whiten(evaluation: &mut Evaluation, noise: &Noise, begin: usize) {
-    let Evaluation {
-        residuals,
-        shared,
-        own,
-    } = evaluation;
-    noise.whiten(&mut residuals[begin..]);
-    for column in shared.iter_mut().chain(own).filter(|column| !column.is_empty()) {
-        noise.whiten(&mut column[begin..]);
     }
 }

@@ -48,16 +48,7 @@ impl Quantity {
 
     /// Name on a command line.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Stiffness => "stiffness",
-            Self::Damping => "damping",
-            Self::IntruderMass => "intruder-mass",
-            Self::BeadMass => "bead-mass",
-            Self::Young => "young",
-            Self::Relaxation => "relaxation",
-            Self::ForceGain => "force-gain",
-            Self::AccelerationGain => "acceleration-gain",
-        }
+        FACTS[self.place()].0
     }
 
     /// The quantity with a name.
@@ -69,60 +60,46 @@ impl Quantity {
 
     /// Letter in tables.
     pub fn symbol(self) -> &'static str {
-        match self {
-            Self::Stiffness => "k",
-            Self::Damping => "c",
-            Self::IntruderMass => "m",
-            Self::BeadMass => "M",
-            Self::Young => "Y",
-            Self::Relaxation => "tau",
-            Self::ForceGain => "gF",
-            Self::AccelerationGain => "ga",
-        }
+        FACTS[self.place()].1
     }
 
     /// Unit.
     pub fn unit(self) -> &'static str {
-        match self {
-            Self::Stiffness => "N/m",
-            Self::Damping => "N·s/m",
-            Self::IntruderMass | Self::BeadMass => "kg",
-            Self::Young => "Pa",
-            Self::Relaxation => "s",
-            Self::ForceGain | Self::AccelerationGain => "",
-        }
+        FACTS[self.place()].2
     }
 
     /// Relative change of its value in the samples with that of the clock: a bead whose clock is fast has
     /// longer times at the same forces and masses.
     pub(crate) fn by_clock(self) -> f64 {
-        match self {
-            Self::Stiffness => -2.0,
-            Self::Damping => -1.0,
-            Self::Young => -3.0,
-            Self::Relaxation => 1.0,
-            Self::IntruderMass | Self::BeadMass | Self::ForceGain | Self::AccelerationGain => 0.0,
-        }
+        FACTS[self.place()].3
     }
 
     /// Place in the order in which quantities are held, first to last, where the data cannot tell some apart:
     /// what a balance or a certificate knows comes first.
     pub fn held_before(self) -> usize {
-        match self {
-            Self::BeadMass => 0,
-            Self::IntruderMass => 1,
-            Self::ForceGain => 2,
-            Self::AccelerationGain => 3,
-            Self::Relaxation => 4,
-            Self::Young => 5,
-            Self::Damping => 6,
-            Self::Stiffness => 7,
-        }
+        FACTS[self.place()].4
     }
 }
 
+/// Name, letter, unit, change with the clock, and place in the order of holding, of each quantity.
+const FACTS: [(&str, &str, &str, f64, usize); COUNT] = [
+    ("stiffness", "k", "N/m", -2.0, 7),
+    ("damping", "c", "N·s/m", -1.0, 6),
+    ("intruder-mass", "m", "kg", 0.0, 1),
+    ("bead-mass", "M", "kg", 0.0, 0),
+    ("young", "Y", "Pa", -3.0, 5),
+    ("relaxation", "tau", "s", 1.0, 4),
+    ("force-gain", "gF", "", 0.0, 2),
+    ("acceleration-gain", "ga", "", 0.0, 3),
+];
+
 /// Values of all quantities, in SI units.
 pub type Values = [f64; COUNT];
+
+/// Values of k, c and m, and of M, Y and τ, with gains of 1.
+pub(crate) fn ungained([k, c, m]: [f64; 3], [mass, young, relaxation]: [f64; 3]) -> Values {
+    [k, c, m, mass, young, relaxation, 1.0, 1.0]
+}
 
 /// Values moved by steps: the logarithm of each quantity by its step.
 pub fn moved(start: &Values, steps: &[f64; COUNT]) -> Values {

@@ -183,7 +183,7 @@ impl BeadResult {
             UsedStrike {
                 recording,
                 strike: number,
-                reduced_chi_squared: strike.normal.squares / strike.normal.free.max(1.0),
+                reduced_chi_squared: strike.normal.shared.squares / strike.normal.shared.free.max(1.0),
             }
         });
         let left_out = found.left_out.iter().map(|(place, why)| {

@@ -6,11 +6,12 @@
 //! its delay: a factor exp(s δ)/(1 + s/ω_p). C and the zeros are the strike's own. Gains drop out.
 
 use hertz_chain::Complex64;
+use nalgebra::{Matrix2, Vector2};
 
-use crate::model::{Evaluation, HARDENING, SHARED, SignalSample, StrikeModel};
+use crate::model::{Evaluation, ExplainedChannels, HARDENING, StrikeModel};
 use crate::noise::Noise;
 use crate::quantity::{COUNT, Quantity, Values};
-use crate::series::{Series, StrikeSeries};
+use crate::series::StrikeSeries;
 
 /// Standard deviations of the force's noise above which it acts.
 const FORCE_ACTS: f64 = 5.0;
@@ -34,12 +35,10 @@ pub enum Mounting {
 #[derive(Debug)]
 pub struct RingDown {
     mounting: Mounting,
-    rate: f64,
-    trigger: usize,
     /// The sample with which the ringing begins.
     from: usize,
-    /// Quiet start and ringing of each channel of the acceleration, with its noise.
-    series: Vec<(Series, Noise)>,
+    /// Quiet start and ringing of each channel of the acceleration.
+    channels: ExplainedChannels,
     start: [f64; 2],
 }
 
@@ -58,46 +57,23 @@ impl RingDown {
         values: &Values,
         mounting: Mounting,
     ) -> Result<Self, String> {
-        let noise_of = |series: &Series| {
-            let noise = &noises[series.channel.place()];
-            noise.clone().ok_or("a channel has no quiet codes".to_owned())
-        };
-        let force_noise = strike.series.iter().find(|series| series.channel.is_force());
-        let deviation = noise_of(force_noise.ok_or("it has no force")?)?.deviation();
+        let deviation = strike.force()?.noise(noises)?.deviation();
         let (from, to) = longest_quiet(strike, FORCE_ACTS * deviation)?;
         let used: Vec<(usize, f64)> = strike
             .merged(false)
             .into_iter()
             .filter(|(at, _)| (from..to).contains(at))
             .collect();
-        let mut series = Vec::new();
-        for one in strike.series.iter().filter(|series| !series.channel.is_force()) {
-            let mut kept = one.clone();
-            kept.stretches = one
-                .stretches
-                .iter()
-                .flat_map(|stretch| {
-                    // The quiet before the tap, and the ringing after it.
-                    [(0, strike.quiet), (from, to)]
-                        .into_iter()
-                        .filter_map(move |(begin, end)| {
-                            let (begin, end) = (
-                                begin.max(stretch.from),
-                                end.min(stretch.from + stretch.values.len()),
-                            );
-                            let values = stretch
-                                .values
-                                .get(begin - stretch.from..end.checked_sub(stretch.from)?)?;
-                            (begin < end).then(|| crate::series::Stretch {
-                                from: begin,
-                                values: values.to_vec(),
-                            })
-                        })
-                })
-                .collect();
-            series.push((kept, noise_of(one)?));
+        let mut channels = ExplainedChannels::of(strike, noises, |channel| !channel.is_force())?;
+        for (series, _) in &mut channels.series {
+            // The quiet before the tap, and the ringing after it.
+            let parts = series.stretches.iter().flat_map(|stretch| {
+                let parts = [0..strike.quiet, from..to].into_iter();
+                parts.filter_map(|part| stretch.within(part))
+            });
+            series.stretches = parts.collect();
         }
-        let (_, sensitive) = series.first().ok_or("it has no acceleration")?;
+        let (_, sensitive) = channels.series.first().ok_or("it has no acceleration")?;
         let noise = sensitive.deviation();
         let [beta, omega] =
             decay_of(values, mounting).ok_or("the settings have an intruder that does not ring")?;
@@ -120,10 +96,8 @@ impl RingDown {
         }
         let mut ring = Self {
             mounting,
-            rate: strike.rate,
-            trigger: strike.trigger,
             from,
-            series,
+            channels,
             start: [0.0; 2],
         };
         ring.start = ring.guess(&used, [beta, omega]);
@@ -132,30 +106,20 @@ impl RingDown {
 
     /// C by linear least squares for this decay, without regard to filters.
     fn guess(&self, used: &[(usize, f64)], [beta, omega]: [f64; 2]) -> [f64; 2] {
-        let (mut square, mut right) = ([0.0; 3], [0.0; 2]);
+        let (mut square, mut right) = (Matrix2::zeros(), Vector2::zeros());
         for (at, value) in used {
             let wave = (Complex64::new(-beta, omega) * self.since(*at, 0.0)).exp();
-            let basis = [wave.re, -wave.im];
-            square[0] += basis[0] * basis[0];
-            square[1] += basis[0] * basis[1];
-            square[2] += basis[1] * basis[1];
-            right[0] += basis[0] * value;
-            right[1] += basis[1] * value;
+            let basis = Vector2::new(wave.re, -wave.im);
+            square += basis * basis.transpose();
+            right += basis * *value;
         }
-        let determinant = square[0] * square[2] - square[1] * square[1];
-        if determinant > 0.0 {
-            [
-                (right[0] * square[2] - right[1] * square[1]) / determinant,
-                (right[1] * square[0] - right[0] * square[1]) / determinant,
-            ]
-        } else {
-            [1.0, 0.0]
-        }
+        let solved = square.cholesky().map(|factor| factor.solve(&right));
+        solved.map_or([1.0, 0.0], Into::into)
     }
 
     /// Time of a sample since the ringing began, s.
     fn since(&self, at: usize, delay: f64) -> f64 {
-        (at as f64 - self.from as f64) / self.rate + delay
+        (at as f64 - self.from as f64) / self.channels.rate + delay
     }
 }
 
@@ -225,9 +189,13 @@ fn decay_slopes(values: &Values, mounting: Mounting, [beta, omega]: [f64; 2]) ->
 }
 
 impl StrikeModel for RingDown {
+    fn channels(&self) -> &ExplainedChannels {
+        &self.channels
+    }
+
     fn own(&self) -> Vec<f64> {
         let mut own = self.start.to_vec();
-        own.resize(2 + self.series.len(), 0.0);
+        own.resize(2 + self.channels.series.len(), 0.0);
         own
     }
 
@@ -235,58 +203,41 @@ impl StrikeModel for RingDown {
         let [beta, omega] = decay_of(values, self.mounting).ok_or("the intruder does not ring")?;
         let slopes = decay_slopes(values, self.mounting, [beta, omega]);
         let (s, scale) = (Complex64::new(-beta, omega), Complex64::new(own[0], own[1]));
-        let mut evaluation = Evaluation {
-            residuals: Vec::new(),
-            shared: std::array::from_fn(|_| Vec::new()),
-            own: vec![Vec::new(); own.len()],
-        };
+        let [zero, one] = [0.0, 1.0].map(|real| Complex64::new(real, 0.0));
+        let mut evaluation = Evaluation::new(own.len());
         // Of a spring k x + k₃ x³ the frequency rises by (3/8) k₃ X²/(μ ω), as X falls with the ringing.
         let stroke = self.stroke(values, own);
         let reduced = reduced_mass(values, self.mounting);
         let hardening = 0.375 * stroke * stroke / (reduced * omega);
-        for (place, (series, noise)) in self.series.iter().enumerate() {
-            let pole = std::f64::consts::TAU * series.pole;
-            let (filter, by_s) = if pole > 0.0 {
-                let below = Complex64::new(pole, 0.0) + s;
-                (
-                    Complex64::new(pole, 0.0) / below,
-                    -Complex64::new(1.0, 0.0) / below,
-                )
+        // The low-pass of each channel at s, and the slope of its logarithm there.
+        let filters = self.channels.series.iter().map(|(series, _)| {
+            let pole = Complex64::new(std::f64::consts::TAU * series.pole, 0.0);
+            let has_pole = series.pole > 0.0;
+            if has_pole {
+                [pole / (pole + s), -one / (pole + s)]
             } else {
-                (Complex64::new(1.0, 0.0), Complex64::new(0.0, 0.0))
-            };
-            for stretch in &series.stretches {
-                let begin = evaluation.residuals.len();
-                for (n, measured) in stretch.values.iter().enumerate() {
-                    let at = stretch.from + n;
-                    let rings = at >= self.from;
-                    let since = self.since(at, series.delay);
-                    let wave = if rings {
-                        filter * (s * since).exp()
-                    } else {
-                        Complex64::new(0.0, 0.0)
-                    };
-                    let value = scale * wave;
-                    evaluation.residuals.push(measured - value.re - own[2 + place]);
-                    // d/ds of the wave: its time, and the filter's.
-                    let slope = value * (Complex64::new(since, 0.0) + by_s);
-                    for (column, [by_beta, by_omega]) in evaluation.shared.iter_mut().zip(slopes) {
-                        column.push(-slope.re * by_beta - slope.im * by_omega);
-                    }
-                    let grown = hardening * -(-2.0 * beta * since).exp_m1() / (2.0 * beta);
-                    evaluation.shared[HARDENING].push(-value.im * grown);
-                    for (column, derivative) in evaluation.own.iter_mut().zip([wave.re, -wave.im]) {
-                        column.push(derivative);
-                    }
-                    for (other, column) in evaluation.own[2..].iter_mut().enumerate() {
-                        column.push(f64::from(u8::from(other == place)));
-                    }
-                }
-                let mut whiten = |column: &mut Vec<f64>| noise.whiten(&mut column[begin..]);
-                whiten(&mut evaluation.residuals);
-                evaluation.shared.iter_mut().for_each(&mut whiten);
-                evaluation.own.iter_mut().for_each(&mut whiten);
+                [one, zero]
             }
+        });
+        let filters: Vec<_> = filters.collect();
+        for (place, at, measured) in self.channels.samples() {
+            let [filter, by_s] = filters[place];
+            let since = self.since(at, self.channels.series[place].0.delay);
+            let rings = at >= self.from;
+            let wave = if rings { filter * (s * since).exp() } else { zero };
+            let value = scale * wave;
+            evaluation.residuals.push(measured - value.re - own[2 + place]);
+            // d/ds of the wave: its time, and the filter's.
+            let slope = value * (Complex64::new(since, 0.0) + by_s);
+            for (column, [by_beta, by_omega]) in evaluation.shared.iter_mut().zip(slopes) {
+                column.push(-slope.re * by_beta - slope.im * by_omega);
+            }
+            let grown = hardening * -(-2.0 * beta * since).exp_m1() / (2.0 * beta);
+            evaluation.shared[HARDENING].push(-value.im * grown);
+            for (column, derivative) in evaluation.own.iter_mut().zip([wave.re, -wave.im]) {
+                column.push(derivative);
+            }
+            evaluation.push_unit(2..own.len(), 2 + place);
         }
         // A gain is in C, and the contacts have no part.
         for absent in [
@@ -300,7 +251,6 @@ impl StrikeModel for RingDown {
         if self.mounting == Mounting::Held {
             evaluation.shared[Quantity::BeadMass.place()].clear();
         }
-        debug_assert_eq!(evaluation.shared.len(), SHARED);
         Ok(evaluation)
     }
 
@@ -308,34 +258,5 @@ impl StrikeModel for RingDown {
         // k x is about m a.
         let [k, m] = [Quantity::Stiffness, Quantity::IntruderMass].map(|one| values[one.place()]);
         own[0].hypot(own[1]) * m / k
-    }
-
-    fn samples(&self, values: &Values, own: &[f64]) -> Result<Vec<SignalSample>, String> {
-        let [beta, omega] = decay_of(values, self.mounting).ok_or("the intruder does not ring")?;
-        let (s, scale) = (Complex64::new(-beta, omega), Complex64::new(own[0], own[1]));
-        let mut points = Vec::new();
-        for (place, (series, noise)) in self.series.iter().enumerate() {
-            let pole = std::f64::consts::TAU * series.pole;
-            let filter = if pole > 0.0 {
-                Complex64::new(pole, 0.0) / (Complex64::new(pole, 0.0) + s)
-            } else {
-                Complex64::new(1.0, 0.0)
-            };
-            for stretch in &series.stretches {
-                for (n, measured) in stretch.values.iter().enumerate() {
-                    let at = stretch.from + n;
-                    let ringing = (scale * filter * (s * self.since(at, series.delay)).exp()).re;
-                    let value = own[2 + place] + if at < self.from { 0.0 } else { ringing };
-                    points.push(SignalSample {
-                        channel: series.channel,
-                        time: (at as f64 - self.trigger as f64) / self.rate,
-                        measured: *measured,
-                        computed: value,
-                        deviation: noise.deviation(),
-                    });
-                }
-            }
-        }
-        Ok(points)
     }
 }

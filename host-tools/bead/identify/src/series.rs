@@ -5,6 +5,8 @@
 //! the noise. Each sample is that of the sensitive channel, or of the wide one while the sensitive one is
 //! near a rail; both keep their quiet start, which knows their zeros.
 
+use std::ops::Range;
+
 use bead_model::converter::CONVERSION;
 use bead_model::design::{Description, SensorScale};
 use bead_model::layout::BASELINE;
@@ -84,6 +86,18 @@ pub struct Stretch {
     pub values: Vec<f64>,
 }
 
+impl Stretch {
+    /// The part of it in a range of samples of the window; `None` if there is none.
+    pub(crate) fn within(&self, range: Range<usize>) -> Option<Self> {
+        let from = range.start.max(self.from);
+        let to = range.end.min(self.from + self.values.len());
+        (from < to).then(|| Self {
+            from,
+            values: self.values[from - self.from..to - self.from].to_vec(),
+        })
+    }
+}
+
 /// The used samples of a channel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Series {
@@ -107,14 +121,16 @@ impl Series {
 
     /// The quiet start: `quiet` samples or fewer.
     fn quiet(&self, quiet: usize) -> &[f64] {
-        self.stretches.first().map_or(&[], |stretch| {
-            let length = quiet.min(stretch.values.len());
-            if stretch.from == 0 {
-                &stretch.values[..length]
-            } else {
-                &[]
-            }
-        })
+        let first = self.stretches.first().filter(|stretch| stretch.from == 0);
+        first.map_or(&[], |first| &first.values[..quiet.min(first.values.len())])
+    }
+
+    /// Its noise among those of all channels.
+    pub(crate) fn noise(&self, noises: &[Option<Noise>; 4]) -> Result<Noise, String> {
+        let noise = &noises[self.channel.place()];
+        noise
+            .clone()
+            .ok_or_else(|| "a channel has no quiet codes".to_owned())
     }
 }
 
@@ -176,11 +192,10 @@ impl StrikeSeries {
         })
     }
 
-    /// Adds the quiet of each channel to its sums.
-    fn add_quiet(&self, sums: &mut [QuietSums; 4]) {
-        for series in &self.series {
-            sums[series.channel.place()].add(series.quiet(self.quiet), series.step);
-        }
+    /// The force at the higher gain that there is.
+    pub(crate) fn force(&self) -> Result<&Series, String> {
+        let force = self.series.iter().find(|series| series.channel.is_force());
+        force.ok_or_else(|| "it has no force".to_owned())
     }
 
     /// The samples of a sensor in their order, merged from its channels: window sample and value.
@@ -210,8 +225,8 @@ pub fn noises<'a>(strikes: impl IntoIterator<Item = &'a StrikeSeries>) -> [Optio
     let mut sums: [QuietSums; 4] = Default::default();
     let mut steps = [None; 4];
     for strike in strikes {
-        strike.add_quiet(&mut sums);
         for series in &strike.series {
+            sums[series.channel.place()].add(series.quiet(strike.quiet), series.step);
             steps[series.channel.place()] = Some(series.step);
         }
     }

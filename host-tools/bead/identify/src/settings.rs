@@ -4,7 +4,7 @@ use bead_model::design::{Description, Relative, Uncertainty};
 
 use crate::chain::ChainOfScenario;
 use crate::identified::Identified;
-use crate::quantity::{Quantity, Values};
+use crate::quantity::{COUNT, QUANTITIES, Quantity, Values, ungained};
 
 /// Range of a relative standard uncertainty in settings.
 const RANGE: std::ops::RangeInclusive<f64> = 1e-6..=0.5;
@@ -90,26 +90,17 @@ fn uncertainty_of(stated: &mut Uncertainty, quantity: Quantity) -> &mut Option<R
 }
 
 /// Relative standard uncertainties that settings state of the quantities.
-pub fn stated(uncertainty: Option<&Uncertainty>) -> [Option<f64>; crate::quantity::COUNT] {
+pub fn stated(uncertainty: Option<&Uncertainty>) -> [Option<f64>; COUNT] {
     let Some(uncertainty) = uncertainty else {
-        return [None; crate::quantity::COUNT];
+        return [None; COUNT];
     };
     let mut stated = *uncertainty;
-    crate::quantity::QUANTITIES.map(|quantity| uncertainty_of(&mut stated, quantity).map(Relative::part))
+    QUANTITIES.map(|quantity| uncertainty_of(&mut stated, quantity).map(Relative::part))
 }
 
 /// The values that settings have, with gains of 1. They have no modulus: `young` stands in for it.
 pub fn values(description: &Description, young: f64) -> Values {
-    let mut values = [1.0; crate::quantity::COUNT];
-    for (quantity, value) in [
-        (Quantity::Stiffness, description.intruder.stiffness),
-        (Quantity::Damping, description.intruder.damping),
-        (Quantity::IntruderMass, description.intruder.mass),
-        (Quantity::BeadMass, description.bead.mass),
-        (Quantity::Young, young),
-        (Quantity::Relaxation, description.contact.relaxation),
-    ] {
-        values[quantity.place()] = value;
-    }
-    values
+    let (intruder, bead) = (&description.intruder, &description.bead);
+    let springs = [intruder.stiffness, intruder.damping, intruder.mass];
+    ungained(springs, [bead.mass, young, description.contact.relaxation])
 }

@@ -5,7 +5,6 @@ use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ContinuousCDF, FisherSnedecor, StudentsT};
 
 use crate::fit::{Fit, fit, part};
-use crate::model::StrikeModel;
 use crate::normal::Normal;
 use crate::quantity::{COUNT, QUANTITIES, Quantity};
 
@@ -117,11 +116,7 @@ pub fn profile(best: &Fit<'_>, of: Quantity, covariance: &DMatrix<f64>, rise: f6
     let place = best.free.iter().position(|one| *one == of)?;
     let error = covariance[(place, place)].sqrt();
     let others: Vec<Quantity> = best.free.iter().copied().filter(|one| *one != of).collect();
-    let strikes: Vec<(&dyn StrikeModel, Vec<f64>)> = best
-        .strikes
-        .iter()
-        .map(|strike| (strike.model, strike.own.clone()))
-        .collect();
+    let strikes = best.starts();
     let risen = |log: f64| -> Option<f64> {
         let mut values = best.values;
         for (at, one) in best.free.iter().enumerate() {
@@ -157,7 +152,7 @@ mod tests {
     #[test]
     fn a_clock_moves_what_is_fitted_also_through_what_is_held() {
         use Quantity::{IntruderMass, Stiffness};
-        let mut normal = Normal::none();
+        let mut normal = Normal::default();
         for (one, a) in [(Stiffness, 1.0), (IntruderMass, -1.0)] {
             for (other, b) in [(Stiffness, 1.0), (IntruderMass, -1.0)] {
                 normal.information[(one.place(), other.place())] = 1e10 * a * b;

@@ -25,12 +25,7 @@ pub fn columns() -> Vec<Column> {
 
 /// Name of a channel in tables and JSON.
 pub fn channel_name(channel: Channel) -> &'static str {
-    match channel {
-        Channel::Force => "force",
-        Channel::WideForce => "wide_force",
-        Channel::Acceleration => "acceleration",
-        Channel::WideAcceleration => "wide_acceleration",
-    }
+    ["force", "wide_force", "acceleration", "wide_acceleration"][channel.place()]
 }
 
 /// The rows of a strike, a cell for each of the [`columns`]. `id` counts the strikes of the table.

@@ -1,10 +1,8 @@
 //! Taps at a free bead for tests: an integration of its own, with filters, noise and codes.
 
 use bead_model::converter::CONVERSION;
-use bead_model::design::{Bead, Capture, Description, FrontEnd, Surroundings};
-use bead_model::settings::Settings;
 use bead_recording::strikes::{RecordedStrike, ScanCodes};
-use bead_testing::xorshift;
+use bead_testing::{paper_settings, xorshift};
 use bead_wire::{Body, Strike, StrikeFlags};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -54,19 +52,6 @@ const FINE: usize = 20;
 const TRIGGER: usize = 160;
 const LENGTH: usize = 672;
 const POLE: f64 = 40e3 * std::f64::consts::TAU;
-
-/// The settings of the paper's bead behind the reference front end.
-pub(crate) fn settings() -> Settings {
-    let (bead, front) = (Bead::paper(), FrontEnd::reference());
-    let capture = Capture::of(&bead, &front);
-    Settings::new(&Description::new(
-        &bead,
-        &Surroundings::default(),
-        &front,
-        &capture,
-    ))
-    .unwrap()
-}
 
 impl TestTap {
     fn force(&self, t: f64) -> f64 {
@@ -164,7 +149,7 @@ impl TestTap {
             ..Strike::draw(&mut xorshift(7))
         };
         let mut strike = RecordedStrike::new(8, said);
-        strike.settings = Some(settings());
+        strike.settings = Some(paper_settings());
         strike.scans = scans;
         strike
     }

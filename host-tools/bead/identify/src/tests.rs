@@ -147,49 +147,23 @@ fn masses_and_a_common_gain_are_held_where_nothing_tells_them_apart() {
 
 #[test]
 fn recordings_that_differ_springs_that_harden_and_friction_are_said_and_a_good_bead_has_no_doubt() {
-    let tap = |recording, seed, stiffness| {
-        let tap = TestTap {
-            seed,
-            stiffness,
-            ..TestTap::default()
-        };
-        (recording, tap)
-    };
-    let good: Vec<_> = (0..6).map(|seed| tap(seed as usize % 2, seed, 3.95e5)).collect();
-    let stiffer: Vec<_> = (0..6)
-        .map(|seed| {
-            tap(
-                seed as usize % 2,
+    // Six taps of two recordings, which alternate.
+    let taps = |change: fn(&mut TestTap)| {
+        let tap = |seed: u64| {
+            let mut tap = TestTap {
                 seed,
-                if seed % 2 == 1 { 1.05 * 3.95e5 } else { 3.95e5 },
-            )
-        })
-        .collect();
-    let harder: Vec<_> = good
-        .iter()
-        // 2.5 % at the stroke of about 1.5 µm.
-        .map(|(recording, tap)| {
-            (
-                *recording,
-                TestTap {
-                    hardening: 0.012,
-                    ..*tap
-                },
-            )
-        })
-        .collect();
-    let rubbing: Vec<_> = good
-        .iter()
-        .map(|(recording, tap)| {
-            (
-                *recording,
-                TestTap {
-                    friction: 1e-1,
-                    ..*tap
-                },
-            )
-        })
-        .collect();
+                ..TestTap::default()
+            };
+            change(&mut tap);
+            (seed as usize % 2, tap)
+        };
+        (0..6).map(tap).collect::<Vec<_>>()
+    };
+    let good = taps(|_| {});
+    let stiffer = taps(|tap| tap.stiffness *= if tap.seed % 2 == 1 { 1.05 } else { 1.0 });
+    // 2.5 % at the stroke of about 1.5 µm.
+    let harder = taps(|tap| tap.hardening = 0.012);
+    let rubbing = taps(|tap| tap.friction = 1e-1);
     for (taps, expected) in [
         (good, &[][..]),
         (stiffer, &["recordings_differ"]),
@@ -220,36 +194,21 @@ fn recordings_that_differ_springs_that_harden_and_friction_are_said_and_a_good_b
 
 #[test]
 fn ringing_that_is_too_quiet_or_too_short_has_a_line_and_intervals_by_profile_are_near_the_linear_ones() {
-    let why = |tap: TestTap| {
+    for (peak, duration, parts) in [
+        (0.1, 1e-3, ["too quiet", "tap harder"]),
+        (12.0, 4.9e-3, ["ringing is too short", "tap shorter"]),
+        (5.0, 9e-3, ["does not go away", "never rings alone"]),
+    ] {
+        let tap = TestTap {
+            peak,
+            duration,
+            ..TestTap::default()
+        };
         let (series, noises) = series(&[tap]);
         let start = settings::values(&series[0].description, 1.0);
-        RingDown::new(&series[0], &noises, &start, Mounting::Free)
-            .map(|_| ())
-            .unwrap_err()
-    };
-    let quiet = why(TestTap {
-        peak: 0.1,
-        duration: 1e-3,
-        ..TestTap::default()
-    });
-    assert!(
-        quiet.contains("too quiet") && quiet.contains("tap harder"),
-        "{quiet}"
-    );
-    let long = why(TestTap {
-        duration: 4.9e-3,
-        peak: 12.0,
-        ..TestTap::default()
-    });
-    assert!(
-        long.contains("ringing is too short") || long.contains("too quiet"),
-        "{long}"
-    );
-    let endless = why(TestTap {
-        duration: 9e-3,
-        ..TestTap::default()
-    });
-    assert!(endless.contains("does not go away"), "{endless}");
+        let why = RingDown::new(&series[0], &noises, &start, Mounting::Free).unwrap_err();
+        assert!(parts.iter().all(|part| why.contains(part)), "{why}");
+    }
 
     let (candidates, wanted) = candidates(&[(0, TestTap::default())], false);
     let found = identify(&candidates, &wanted).unwrap();
