@@ -64,29 +64,23 @@ impl About {
     }
 
     fn check(&self) -> Result<(), InputError> {
-        let long = |key: &str, most: usize| {
+        let check = |key: &str, text: &str, most: usize| {
+            let is_fit = text.len() <= most && !text.contains(char::is_control);
             let what = format!("the text is longer than {most} bytes, or has control characters");
-            InputError::at(key, what, "give a shorter one in one line")
+            let refused = || InputError::at(key, what, "give a shorter one in one line");
+            is_fit.then_some(()).ok_or_else(refused)
         };
-        let is_fit = |text: &str, most: usize| text.len() <= most && !text.contains(char::is_control);
-        if !is_fit(&self.number, NUMBER) {
-            return Err(long("number", NUMBER));
-        }
+        check("number", &self.number, NUMBER)?;
         for (key, text) in self.texts() {
-            if !is_fit(text, LONGEST) {
-                return Err(long(key, LONGEST));
-            }
+            check(key, text, LONGEST)?;
         }
         for (number, reference) in (1..).zip(&self.references) {
-            let texts = [
+            for (key, text) in [
                 ("name", &reference.name),
                 ("gives", &reference.gives),
                 ("certificate", &reference.certificate),
-            ];
-            for (key, text) in texts {
-                if !is_fit(text, LONGEST) {
-                    return Err(long(&format!("reference[{number}].{key}"), LONGEST));
-                }
+            ] {
+                check(&format!("reference[{number}].{key}"), text, LONGEST)?;
             }
         }
         Ok(())

@@ -1,13 +1,14 @@
 //! The outcome of a procedure: results, what they were found from, what was left out, and what was checked.
 
 use bead_recording::strikes::RecordedStrike;
+use bead_wire::StrikeFlags;
 use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::model::{CalibrationResult, ResultCorrelation};
 
 /// The outcome of a calibration procedure.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, JsonSchema)]
 pub struct Calibration {
     /// `drop`, `reference`, `front-mass`, `ring-down` or `shaker`.
     pub procedure: &'static str,
@@ -111,6 +112,32 @@ impl Calibration {
             failed.what, failed.deviation_percent, failed.allowed_percent, failed.advice
         ))
     }
+}
+
+/// Refuses a strike of which samples are missing.
+pub(crate) fn all_samples(strike: &RecordedStrike) -> Result<(), String> {
+    match strike.missing() {
+        0 => Ok(()),
+        missing => Err(format!(
+            "{missing} of its {} samples are missing; fetch it: bead fetch --port P --out F.mcap",
+            strike.said.samples
+        )),
+    }
+}
+
+/// Refuses a strike with one of these flags; `advice` says what next.
+pub(crate) fn no_flag(strike: &RecordedStrike, flags: &[StrikeFlags], advice: &str) -> Result<(), String> {
+    let found = flags.iter().find(|flag| strike.said.flags.has(**flag));
+    found.map_or(Ok(()), |flag| {
+        let name = flag.names().next().unwrap_or_default();
+        Err(format!("its window has the flag {name}; {advice}"))
+    })
+}
+
+/// The first observation that was left out and its reason in brackets, behind a blank; empty if none was.
+pub(crate) fn because(left_out: &[LeftOut]) -> String {
+    let first = left_out.first();
+    first.map_or(String::new(), |out| format!(" ({}: {})", out.subject, out.why))
 }
 
 /// Mean supply next to these strikes, V.

@@ -2,7 +2,7 @@
 //! page.
 
 use bead_compare::budget::significant;
-use bead_compare::report::{Chapter, DASH, Fact, Grid, GridCell, Medium, Passage, Report};
+use bead_compare::report::{Chapter, DASH, Fact, Grid, GridCell, Medium, Passage, Report, number, signed};
 
 use crate::about::About;
 use crate::calibration::Calibration;
@@ -88,17 +88,16 @@ impl Certificate<'_> {
         let mut conditions: Vec<_> = conditions.collect();
         conditions
             .extend(supply.map(|volts| format!("supply of the converter {volts}, as the bead measured it")));
+        let is_elsewhere = !about.place.is_empty();
+        let place = if is_elsewhere {
+            &about.place
+        } else {
+            &about.laboratory
+        };
         let facts = [
             ("certificate", stated(&about.number)),
             ("laboratory", stated(&about.laboratory)),
-            (
-                "place",
-                stated(if about.place.is_empty() {
-                    &about.laboratory
-                } else {
-                    &about.place
-                }),
-            ),
+            ("place", stated(place)),
             ("owner", stated(&about.owner)),
             ("item", item),
             ("bead", bead.unwrap_or_else(|| NOT_STATED.to_owned())),
@@ -114,9 +113,7 @@ impl Certificate<'_> {
         let checks = calibration.checks.iter().map(|check| {
             vec![
                 check.what.clone().into(),
-                format!("{:+.3}", check.deviation_percent)
-                    .replace('-', "−")
-                    .into(),
+                signed(check.deviation_percent, 3).into(),
                 format!("{:.3}", check.allowed_percent).into(),
                 GridCell::judged(if check.holds { "holds" } else { "fails" }, Some(check.holds)),
             ]
@@ -168,9 +165,7 @@ impl Certificate<'_> {
     fn authorisation(&self) -> Chapter {
         let missing = self.about.missing();
         let facts = [("authorised by", stated(&self.about.authorised_by))];
-        let facts = facts.map(|(name, value)| vec![GridCell::from(name), value.into()]);
-        let chapter = Chapter::new("Authorisation")
-            .table(Grid::new("", facts).on(Medium::Page))
+        let chapter = Chapter::facts("Authorisation", facts)
             .text("The results hold for the item that is named, at the time and under the conditions of the calibration.");
         if missing.is_empty() {
             return chapter;
@@ -241,10 +236,10 @@ fn results(calibration: &Calibration) -> Chapter {
         let combined = &result.combined;
         let (unit, size) = prefixed(result);
         let digits = decimals(combined.u / size);
-        let number = |value: f64| GridCell::from(format!("{:.digits$}", value / size).replace('-', "−"));
+        let number = |value: f64| GridCell::from(number(value / size, digits));
         let free = combined.degrees_of_freedom;
         let before = result.before.filter(|before| *before != 0.0);
-        let change = before.map(|before| format!("{:+.2}", 100.0 * (combined.value / before - 1.0)));
+        let change = before.map(|before| signed(100.0 * (combined.value / before - 1.0), 2));
         vec![
             with_unit(result.name, &unit).into(),
             number(combined.value),
@@ -253,9 +248,7 @@ fn results(calibration: &Calibration) -> Chapter {
             format!("{:.2}", combined.coverage_factor).into(),
             number(combined.expanded),
             format!("{:.3}", 100.0 * combined.expanded / combined.value.abs()).into(),
-            change
-                .map_or_else(|| DASH.to_owned(), |change| change.replace('-', "−"))
-                .into(),
+            change.unwrap_or_else(|| DASH.to_owned()).into(),
         ]
     };
     let rows = calibration.results.iter().map(row);
@@ -265,10 +258,7 @@ fn results(calibration: &Calibration) -> Chapter {
     );
     let correlations = calibration.correlations.iter().map(|one| {
         let [a, b] = one.results;
-        vec![
-            format!("{a} and {b}").into(),
-            format!("{:+.3}", one.correlation).replace('-', "−").into(),
-        ]
+        vec![format!("{a} and {b}").into(), signed(one.correlation, 3).into()]
     });
     let correlations = Grid::new("correlation of | r", correlations);
     Chapter::new("Results").table(table).table(correlations).text(

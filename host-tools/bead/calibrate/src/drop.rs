@@ -14,7 +14,7 @@
 use bead_recording::strikes::RecordedStrike;
 use bead_wire::StrikeFlags;
 
-use crate::calibration::{BeadIdentity, Calibration, LeftOut, supply};
+use crate::calibration::{BeadIdentity, Calibration, LeftOut, because, supply};
 use crate::landing::Landing;
 use crate::model::median;
 pub use crate::momentum::DropInputs;
@@ -89,8 +89,7 @@ pub fn evaluate(series: &[DropSeries], stated: &DropInputs) -> Result<Calibratio
         .map(|height| kept.iter().filter(|(_, drop, _)| drop.height == height).count())
         .collect();
     if let Some(height) = counts.iter().position(|count| *count < FEWEST) {
-        let first = left_out.first();
-        let why = first.map_or(String::new(), |out| format!(" ({}: {})", out.subject, out.why));
+        let why = because(&left_out);
         return Err(format!(
             "{} of {} m can be used, and {FEWEST} at least are needed{why}; record more, ten for a good mean",
             counted(counts[height]),

@@ -6,7 +6,7 @@
 //! its uncertainty is an input. Each frequency gives a mass; their scatter is type A. A mass that changes
 //! with frequency means a resonance of the mounting.
 
-use crate::calibration::{Calibration, Check, LeftOut, Observation, ObservedValue};
+use crate::calibration::{Calibration, Check, ObservedValue};
 use crate::model::{ModelInput, ResultName, mean_and_scatter, propagate};
 use crate::points::{Measured, Point, Points};
 
@@ -41,37 +41,18 @@ const FRONT_MASS: ResultName = ResultName {
 /// # Errors
 /// One line: points of another unit, or too few.
 pub fn evaluate(points: &Points, stated: &FrontMassInputs) -> Result<Calibration, String> {
-    let newtons = match points.measured {
-        Measured::Force => 1.0,
-        Measured::Codes => stated.force_per_code,
-        other => {
-            return Err(format!(
-                "the points are in {}; the front mass takes a force in N, or codes",
-                other.unit()
-            ));
-        }
-    };
-    let (mut kept, mut left_out): (Vec<&Point>, Vec<LeftOut>) = (Vec::new(), Vec::new());
-    for point in &points.points {
-        if (RANGE[0]..=RANGE[1]).contains(&point.frequency) {
-            kept.push(point);
-        } else {
-            left_out.push(LeftOut {
-                subject: point.subject.clone(),
-                why: format!(
-                    "{:.0} Hz is not from {} to {} Hz, where body and cap move as one",
-                    point.frequency, RANGE[0], RANGE[1]
-                ),
-            });
-        }
-    }
+    let takes = "the front mass takes a force in N, or codes";
+    let newtons = points.size(Measured::Force, stated.force_per_code, takes)?;
+    let [least, most] = RANGE;
+    let counts = |frequency: f64| (least..=most).contains(&frequency);
+    let (mut kept, left_out) = points.split(counts, |frequency| {
+        format!("{frequency:.0} Hz is not from {least} to {most} Hz, where body and cap move as one")
+    });
     if kept.len() < FEWEST {
         return Err(format!(
-            "{} of {} points are from {} to {} Hz, and {FEWEST} at least are needed; shake at more frequencies",
+            "{} of {} points are from {least} to {most} Hz, and {FEWEST} at least are needed; shake at more frequencies",
             kept.len(),
-            points.points.len(),
-            RANGE[0],
-            RANGE[1]
+            points.points.len()
         ));
     }
     kept.sort_by(|a, b| a.frequency.total_cmp(&b.frequency));
@@ -89,26 +70,19 @@ pub fn evaluate(points: &Points, stated: &FrontMassInputs) -> Result<Calibration
     let model = |values: &[f64]| vec![mean * values[0] * values[2] / values[1]];
     let (results, _) = propagate(&[FRONT_MASS], &inputs, &[], model);
     let check = level(&kept, &masses, mean);
-    let observed = |point: &&Point| Observation {
-        subject: point.subject.clone(),
-        values: vec![
-            ObservedValue::new("frequency", "Hz", point.frequency),
-            ObservedValue::new("reference", "m/s² rms", point.reference),
-            ObservedValue::new("measured", points.measured.unit(), point.measured),
-            ObservedValue::new("front mass", "g", 1e3 * mass(point)),
-        ],
+    let observed = |point: &&Point| {
+        let found = ObservedValue::new("front mass", "g", 1e3 * mass(point));
+        point.observed(points.measured, found)
     };
     Ok(Calibration {
         procedure: "front-mass",
         title: "Front mass against a reference",
-        bead: None,
         results,
-        correlations: Vec::new(),
         observations: kept.iter().map(observed).collect(),
         left_out,
         checks: vec![check],
-        supply_v: None,
         method: METHOD.map(str::to_owned).to_vec(),
+        ..Calibration::default()
     })
 }
 
@@ -149,25 +123,19 @@ mod tests {
 
     #[test]
     fn the_mass_is_force_over_acceleration_and_one_that_changes_with_frequency_fails() {
-        let points = |slope: f64| Points {
-            points: (0..8)
-                .map(|at| {
-                    let frequency = 60.0 + 50.0 * f64::from(at);
-                    Point {
-                        subject: format!("line {at}"),
-                        frequency,
-                        reference: 10.0,
-                        measured: 0.084 * (1.0 + slope * frequency / 500.0),
-                    }
-                })
-                .chain([Point {
-                    subject: "high".to_owned(),
-                    frequency: 900.0,
-                    reference: 10.0,
-                    measured: 0.2,
-                }])
-                .collect(),
-            measured: Measured::Force,
+        let point = |frequency: f64, measured: f64| Point {
+            subject: String::new(),
+            frequency,
+            reference: 10.0,
+            measured,
+        };
+        let points = |slope: f64| {
+            let within = (0..8).map(|at| 60.0 + 50.0 * f64::from(at));
+            let within = within.map(|hz| point(hz, 0.084 * (1.0 + slope * hz / 500.0)));
+            Points {
+                points: within.chain([point(900.0, 0.2)]).collect(),
+                measured: Measured::Force,
+            }
         };
         let stated = FrontMassInputs {
             reference_u: 0.01,
@@ -180,12 +148,7 @@ mod tests {
         // The quotient is no straight line over ± 1 %.
         assert!((result.u / result.value / f64::hypot(0.01, 0.002) - 1.0).abs() < 2e-4);
         assert_eq!((found.doubt(), found.left_out.len()), (None, 1));
-        assert!(
-            evaluate(&points(0.05), &stated)
-                .unwrap()
-                .doubt()
-                .unwrap()
-                .contains("resonance")
-        );
+        let doubt = evaluate(&points(0.05), &stated).unwrap().doubt();
+        assert!(doubt.unwrap().contains("resonance"));
     }
 }

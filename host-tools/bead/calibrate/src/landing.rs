@@ -1,8 +1,11 @@
 //! The landing of a ball on the cap: area, duration and time of its force pulse, in codes and samples.
 
+use bead_compare::front_end::CODES;
 use bead_model::layout::BASELINE;
 use bead_recording::strikes::RecordedStrike;
 use bead_wire::StrikeFlags;
+
+use crate::calibration::{all_samples, no_flag};
 
 /// A code is part of the contact above this part of the peak, and above this many standard deviations of the
 /// quiet.
@@ -10,8 +13,6 @@ const CONTACT_PART: f64 = 0.005;
 const CONTACT_NOISE: f64 = 4.0;
 /// Samples summed before and behind the contact.
 const MARGIN: usize = 16;
-/// Highest code of the converter.
-const TOP: u16 = 4095;
 
 /// A landing.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -36,33 +37,21 @@ impl Landing {
     /// # Errors
     /// One line: why this strike is no whole landing, and what would help.
     pub(crate) fn of(strike: &RecordedStrike) -> Result<Self, String> {
-        let missing = strike.missing();
-        if missing > 0 {
-            return Err(format!(
-                "{missing} of its {} samples are missing; fetch it: bead fetch --port P --out F.mcap",
-                strike.said.samples
-            ));
-        }
+        all_samples(strike)?;
         let codes: Vec<u16> = strike.scans.iter().map(|scan| scan.sensitive[0]).collect();
-        if codes.iter().any(|code| [0, TOP].contains(code)) {
+        if codes.iter().any(|code| [0, CODES - 1].contains(code)) {
             return Err(
                 "the force met a rail of the converter at its high gain; put a softer pad on the cap, or drop from \
                  less high"
                     .to_owned(),
             );
         }
-        let flags = strike.said.flags;
         let cut = [
             StrikeFlags::ANOTHER_WAVE,
             StrikeFlags::WINDOW_CUT,
             StrikeFlags::SENSOR_END,
         ];
-        if let Some(flag) = cut.into_iter().find(|flag| flags.has(*flag)) {
-            let name = flag.names().next().unwrap_or_default();
-            return Err(format!(
-                "its window has the flag {name}; let nothing else touch the bead"
-            ));
-        }
+        no_flag(strike, &cut, "let nothing else touch the bead")?;
         let codes: Vec<f64> = codes.into_iter().map(f64::from).collect();
         pulse(&codes, strike.said.first_index)
     }
@@ -142,12 +131,12 @@ mod tests {
 
     #[test]
     fn a_window_without_a_whole_pulse_is_refused() {
-        assert!(pulse(&[128.0; 672], 0).unwrap_err().contains("missed the cap"));
-        assert!(
-            pulse(&window(2000.0)[..340], 0)
-                .unwrap_err()
-                .contains("has not ended")
-        );
-        assert!(pulse(&[128.0; 60], 0).is_err());
+        for (codes, why) in [
+            (&[128.0; 672][..], "missed the cap"),
+            (&window(2000.0)[..340], "has not ended"),
+            (&[128.0; 60], "is shorter than the quiet"),
+        ] {
+            assert!(pulse(codes, 0).unwrap_err().contains(why), "{why}");
+        }
     }
 }

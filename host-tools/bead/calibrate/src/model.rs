@@ -114,7 +114,7 @@ pub struct ResultCorrelation {
 }
 
 /// Name, unit and settings of a result.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub struct ResultName {
     /// Its name.
     pub name: &'static str,
@@ -240,9 +240,7 @@ mod tests {
     fn name(name: &'static str) -> ResultName {
         ResultName {
             name,
-            unit: "",
-            key: None,
-            uncertainty_key: None,
+            ..ResultName::default()
         }
     }
 

@@ -158,13 +158,10 @@ pub(crate) fn combine(stated: &DropInputs, kept: &[(String, Drop, f64)], counts:
     let has_high_pass = stated.high_pass.is_some();
     let ratio = ResultName {
         name: "ratio of two heights",
-        unit: "",
-        key: None,
-        uncertainty_key: None,
+        ..ResultName::default()
     };
-    let names: Vec<ResultName> = std::iter::once(RESULT)
-        .chain(std::iter::repeat_n(ratio, heights - 1))
-        .collect();
+    let mut names = vec![ratio; heights];
+    names[0] = RESULT;
     let model = |values: &[f64]| {
         let mean_at = |height: usize| {
             let at = kept.iter().filter(|(_, drop, _)| drop.height == height);
@@ -195,17 +192,14 @@ pub(crate) fn combine(stated: &DropInputs, kept: &[(String, Drop, f64)], counts:
     Calibration {
         procedure: "drop",
         title: "Force gain by drop test",
-        bead: None,
         checks: checks.collect(),
         results,
-        correlations: Vec::new(),
         observations: kept
             .iter()
             .map(|(subject, drop, gain)| observed(subject, drop, *gain))
             .collect(),
-        left_out: Vec::new(),
-        supply_v: None,
         method: METHOD.map(str::to_owned).to_vec(),
+        ..Calibration::default()
     }
 }
 

@@ -3,11 +3,13 @@
 
 use std::path::Path;
 
+use bead_compare::front_end::CODES;
 use bead_instrument::{Choice, Trace, Waveform};
 use bead_tables::printable::beginning;
 use bead_tables::unit::{self, Quantity};
 use hertz_chain::read_text;
 
+use crate::calibration::{LeftOut, Observation, ObservedValue};
 use crate::sine::{self, Tone};
 
 /// Points of a table at most.
@@ -22,8 +24,6 @@ const CLOCKS: f64 = 1e-3;
 const TYPED: f64 = 0.02;
 /// Time from scan to scan, s: the image samples at 100 kHz and refuses another rate.
 const SAMPLE_PERIOD: f64 = 1e-5;
-/// Lowest and highest code of the converter.
-const RAILS: [u16; 2] = [0, 4095];
 
 /// A measured unit of a point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -72,7 +72,48 @@ pub struct Points {
     pub measured: Measured,
 }
 
+impl Point {
+    /// The point as a certificate shows it, with a value that follows from it.
+    pub(crate) fn observed(&self, measured: Measured, result: ObservedValue) -> Observation {
+        Observation {
+            subject: self.subject.clone(),
+            values: vec![
+                ObservedValue::new("frequency", "Hz", self.frequency),
+                ObservedValue::new("reference", "m/s² rms", self.reference),
+                ObservedValue::new("measured", measured.unit(), self.measured),
+                result,
+            ],
+        }
+    }
+}
+
 impl Points {
+    /// The size of what was measured in the SI unit that a procedure `takes`; that of a code is `per_code`.
+    ///
+    /// # Errors
+    /// The points have another unit: one line, with what `would_do`.
+    pub(crate) fn size(&self, takes: Measured, per_code: f64, would_do: &str) -> Result<f64, String> {
+        match self.measured {
+            Measured::Codes => Ok(per_code),
+            measured if measured == takes => Ok(1.0),
+            other => Err(format!("the points are in {}; {would_do}", other.unit())),
+        }
+    }
+
+    /// The points at frequencies that count, and the others with their reason.
+    pub(crate) fn split(
+        &self,
+        counts: impl Fn(f64) -> bool,
+        why: impl Fn(f64) -> String,
+    ) -> (Vec<&Point>, Vec<LeftOut>) {
+        let (kept, others): (Vec<_>, Vec<_>) = self.points.iter().partition(|point| counts(point.frequency));
+        let left_out = others.into_iter().map(|point| LeftOut {
+            subject: point.subject.clone(),
+            why: why(point.frequency),
+        });
+        (kept, left_out.collect())
+    }
+
     /// The points with the low-pass in front of the converter, of this pole in Hz, taken out of codes; 0 for
     /// none. The bead takes it out of its signals likewise.
     #[must_use]
@@ -195,7 +236,7 @@ impl Channel {
 }
 
 fn is_at_rail(code: u16) -> bool {
-    RAILS.contains(&code) || code > RAILS[1]
+    code == 0 || code >= CODES - 1
 }
 
 /// The point of a pair of records of one steady tone: scans as `bead command raw` writes them, and the
@@ -349,23 +390,23 @@ mod tests {
         for (value, expected) in values.into_iter().zip([160.0, 9.806_65, 0.0102]) {
             assert!((value - expected).abs() < 1e-9, "{point:?}");
         }
-        let codes = read("frequency_hz,reference_mps2,codes\n160,10,81.9\n").unwrap();
-        assert_eq!(codes.measured, Measured::Codes);
-        let forces = read("frequency_hz,reference_mps2,force_n\n160,10,0.084\n").unwrap();
-        assert_eq!(forces.measured, Measured::Force);
-        for (text, says) in [
-            ("frequency_hz,reference_mps2\n160,10\n", ":1: the heading"),
-            (
-                "frequency_hz,reference_mps2,codes\n160,10,nan\n",
-                ":2: `nan` is no number above 0",
-            ),
-            (
-                "frequency_hz,reference_mps2,codes\n160,10\n",
-                ":2: `` is no number above 0",
-            ),
-            ("", "is empty"),
+        let measured =
+            |column: &str, row: &str| read(&format!("frequency_hz,reference_mps2{column}\n{row}\n"));
+        assert_eq!(
+            measured(",codes", "160,10,81.9").unwrap().measured,
+            Measured::Codes
+        );
+        assert_eq!(
+            measured(",force_n", "160,10,0.1").unwrap().measured,
+            Measured::Force
+        );
+        for (refused, says) in [
+            (measured("", "160,10"), ":1: the heading"),
+            (measured(",codes", "160,10,nan"), ":2: `nan` is no number above 0"),
+            (measured(",codes", "160,10"), ":2: `` is no number above 0"),
+            (read(""), "is empty"),
         ] {
-            let refused = read(text).unwrap_err();
+            let refused = refused.unwrap_err();
             assert!(refused.contains(says), "{refused}");
         }
     }
@@ -373,10 +414,7 @@ mod tests {
     #[test]
     fn a_pair_of_records_gives_the_ratio_of_its_tones_and_other_records_are_refused() {
         let folder = tempfile::tempdir().unwrap();
-        let (scans, reference) = (
-            folder.path().join("scans.csv"),
-            folder.path().join("reference.csv"),
-        );
+        let [scans, reference] = ["scans.csv", "reference.csv"].map(|name| folder.path().join(name));
         let bead = SimulatedBead::with_gains(&paper_settings(), [1.0, 1.1]);
         let write = |of_bead: f64, of_reference: f64, rms: f64| {
             let tone = |frequency| Shaken::new(frequency, rms, None, 0.0);
@@ -390,7 +428,7 @@ mod tests {
         assert!((per_code / expected - 1.0).abs() < 1e-4, "{per_code} {expected}");
         let rails = write(160.0, 160.0, 300.0).unwrap_err();
         assert!(
-            rails.contains("is at a rail of the converter; shake more softly"),
+            rails.contains("at a rail of the converter; shake more softly"),
             "{rails}"
         );
         let other = write(160.0, 315.0, 30.0).unwrap_err();

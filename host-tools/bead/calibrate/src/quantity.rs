@@ -26,42 +26,32 @@ pub enum Dimension {
     Number,
 }
 
-/// Units of each dimension with their size in the SI unit, the SI unit first.
-const UNITS: [(Dimension, &[(&str, f64)]); 9] = [
-    (Dimension::Mass, &[("kg", 1.0), ("g", 1e-3), ("mg", 1e-6)]),
+/// An example of each dimension, and its units with their size in the SI unit, which is the first.
+const UNITS: [(&str, &[(&str, f64)]); 9] = [
+    ("3.046g±1mg", &[("kg", 1.0), ("g", 1e-3), ("mg", 1e-6)]),
     (
-        Dimension::Length,
+        "100mm±0.3mm",
         &[("m", 1.0), ("cm", 1e-2), ("mm", 1e-3), ("um", 1e-6)],
     ),
     (
-        Dimension::Time,
+        "1.03s±20%",
         &[("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)],
     ),
-    (Dimension::Acceleration, &[("m/s2", 1.0)]),
+    ("9.812±0.001", &[("m/s2", 1.0)]),
     (
-        Dimension::Angle,
+        "0deg±1deg",
         &[("rad", 1.0), ("deg", std::f64::consts::PI / 180.0)],
     ),
-    (Dimension::Voltage, &[("V", 1.0), ("mV", 1e-3)]),
-    (Dimension::Stiffness, &[("N/m", 1.0), ("N/mm", 1e3)]),
-    (Dimension::Damping, &[("Ns/m", 1.0), ("N.s/m", 1.0)]),
-    (Dimension::Number, &[("", 1.0)]),
+    ("3.300V±0.1%", &[("V", 1.0), ("mV", 1e-3)]),
+    ("3.95e5N/m±1%", &[("N/m", 1.0), ("N/mm", 1e3)]),
+    ("12Ns/m±3%", &[("Ns/m", 1.0), ("N.s/m", 1.0)]),
+    ("0.322±0.1%", &[("", 1.0)]),
 ];
 
 /// Marks before the standard uncertainty.
 const MARKS: [&str; 3] = ["±", "+/-", "+-"];
 
 impl Dimension {
-    /// Symbol of the SI unit.
-    pub fn si(self) -> &'static str {
-        self.units().first().map_or("", |(name, _)| name)
-    }
-
-    fn units(self) -> &'static [(&'static str, f64)] {
-        let found = UNITS.iter().find(|(dimension, _)| *dimension == self);
-        found.map_or(&[], |(_, units)| units)
-    }
-
     /// Size of a unit in the SI unit; an empty text is the SI unit.
     fn size(self, name: &str) -> Option<f64> {
         let plain = name
@@ -73,7 +63,7 @@ impl Dimension {
         if plain.is_empty() {
             return Some(1.0);
         }
-        let found = self.units().iter().find(|(unit, _)| *unit == plain);
+        let found = UNITS[self as usize].1.iter().find(|(unit, _)| *unit == plain);
         found.map(|(_, size)| *size)
     }
 
@@ -87,7 +77,7 @@ impl Dimension {
             format!(
                 "`{}` {why}; give value and standard uncertainty, such as {}",
                 beginning(text, 40),
-                self.example()
+                UNITS[self as usize].0
             )
         };
         let (mark, at) = MARKS
@@ -113,20 +103,6 @@ impl Dimension {
             return Err(wrong("is no finite number with an uncertainty of 0 or more"));
         }
         Ok(Stated { value, u })
-    }
-
-    fn example(self) -> &'static str {
-        match self {
-            Self::Mass => "3.046g±1mg",
-            Self::Length => "100mm±0.3mm",
-            Self::Time => "1.03s±20%",
-            Self::Acceleration => "9.812±0.001",
-            Self::Angle => "0deg±1deg",
-            Self::Voltage => "3.300V±0.1%",
-            Self::Stiffness => "3.95e5N/m±1%",
-            Self::Damping => "12Ns/m±3%",
-            Self::Number => "0.322±0.1%",
-        }
     }
 }
 

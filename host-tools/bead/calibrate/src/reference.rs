@@ -7,15 +7,14 @@
 //! its host, by |h| of eq. (A1), which is divided out with the k, c and m of the settings. Flatness is the
 //! greatest deviation at any other frequency up to 5 kHz, as half of a rectangle.
 
+use bead_compare::front_end::CODES;
 use hertz_chain::Oscillator;
 
-use crate::calibration::{Calibration, LeftOut, Observation, ObservedValue};
+use crate::calibration::{Calibration, Observation, ObservedValue};
 use crate::model::{ModelInput, ResultName, mean_and_scatter, propagate};
 use crate::points::{Measured, Point, Points};
 use crate::quantity::Stated;
 
-/// Codes of the converter.
-const CODES: f64 = 4096.0;
 /// Points at the frequency of the gain at least.
 const FEWEST: usize = 2;
 /// Points count for the gain within this part of its frequency.
@@ -90,20 +89,15 @@ pub fn evaluate(points: &Points, stated: &ReferenceInputs) -> Result<Calibration
     let limit = stated.springs.map_or(f64::INFINITY, |springs| {
         BELOW_RESONANCE * springs.oscillator.natural_frequency()
     });
-    let (mut kept, mut left_out): (Vec<&Point>, Vec<LeftOut>) = (Vec::new(), Vec::new());
-    for point in &points.points {
-        if point.frequency <= limit {
-            kept.push(point);
-        } else {
-            left_out.push(LeftOut {
-                subject: point.subject.clone(),
-                why: format!(
-                    "{:.0} Hz is beyond {limit:.0} Hz, where the intruder's springs take part; calibrate the open sensor there",
-                    point.frequency
-                ),
-            });
-        }
-    }
+    let (kept, left_out) = points.split(
+        |frequency| frequency <= limit,
+        |frequency| {
+            format!(
+                "{frequency:.0} Hz is beyond {limit:.0} Hz, where the intruder's springs take part; calibrate the open sensor \
+                 there"
+            )
+        },
+    );
     let is_at = |point: &&&Point| (point.frequency / stated.at - 1.0).abs() <= NEAR;
     let at: Vec<f64> = kept
         .iter()
@@ -173,7 +167,7 @@ fn combine(
     let model = |values: &[f64]| {
         let response = mean * values[0] * values[1] / values[2];
         let per_code = match values[3..] {
-            [supply, divider, gain] => supply / (CODES * response * divider * gain),
+            [supply, divider, gain] => supply / (f64::from(CODES) * response * divider * gain),
             _ => 1.0 / response,
         };
         vec![per_code]
@@ -199,14 +193,9 @@ fn combine(
     Calibration {
         procedure: "reference",
         title: "Acceleration gain against a reference",
-        bead: None,
         results,
-        correlations: Vec::new(),
-        observations: Vec::new(),
-        left_out: Vec::new(),
-        checks: Vec::new(),
-        supply_v: None,
         method,
+        ..Calibration::default()
     }
 }
 
@@ -221,9 +210,8 @@ fn flatness(kept: &[&Point], stated: &ReferenceInputs, mean: f64) -> Option<crat
     let most = within.iter().map(off).fold(0.0, f64::max);
     let name = ResultName {
         name: "flatness of the acceleration",
-        unit: "",
-        key: None,
         uncertainty_key: Some("uncertainty.acceleration_flatness"),
+        ..ResultName::default()
     };
     let input = ModelInput::within(
         format!("greatest deviation, to {highest:.0} Hz"),
@@ -236,25 +224,12 @@ fn flatness(kept: &[&Point], stated: &ReferenceInputs, mean: f64) -> Option<crat
 }
 
 fn observed(point: &Point, measured: Measured, stated: &ReferenceInputs) -> Observation {
-    let mut values = vec![
-        ObservedValue::new("frequency", "Hz", point.frequency),
-        ObservedValue::new("reference", "m/s² rms", point.reference),
-        ObservedValue::new("measured", measured.unit(), point.measured),
-    ];
-    let unit = match measured {
-        Measured::Volts => "mV per m/s²",
-        _ => "codes per m/s²",
+    let (size, unit) = match measured {
+        Measured::Volts => (1e3, "mV per m/s²"),
+        _ => (1.0, "codes per m/s²"),
     };
-    let size = if measured == Measured::Volts { 1e3 } else { 1.0 };
-    values.push(ObservedValue::new(
-        "sensitivity",
-        unit,
-        size * response(point, stated),
-    ));
-    Observation {
-        subject: point.subject.clone(),
-        values,
-    }
+    let sensitivity = ObservedValue::new("sensitivity", unit, size * response(point, stated));
+    point.observed(measured, sensitivity)
 }
 
 #[cfg(test)]
@@ -306,16 +281,10 @@ mod tests {
         let parts = [0.005, 0.001, 0.001, 0.001, 1e-4];
         let u = parts.iter().map(|part| part * part).sum::<f64>().sqrt();
         assert!((result.u / result.value / u - 1.0).abs() < 1e-2, "{result:?}");
-        let flat = &found.results[1];
-        assert!(
-            (flat.relative_u - 0.012 / 3.0_f64.sqrt()).abs() < 1e-5,
-            "{flat:?}"
-        );
-        assert!(
-            evaluate(&points(Measured::Volts, &rows), &STATED)
-                .unwrap_err()
-                .contains("--supply")
-        );
+        let flat = found.results[1].relative_u;
+        assert!((flat - 0.012 / 3.0_f64.sqrt()).abs() < 1e-5, "{flat}");
+        let refused = evaluate(&points(Measured::Volts, &rows), &STATED).unwrap_err();
+        assert!(refused.contains("--supply"), "{refused}");
     }
 
     #[test]

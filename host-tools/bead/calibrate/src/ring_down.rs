@@ -13,7 +13,9 @@ use bead_recording::strikes::RecordedStrike;
 use bead_wire::StrikeFlags;
 use hertz_chain::{OscillatorFit, Signal, fit_ring_down};
 
-use crate::calibration::{BeadIdentity, Calibration, LeftOut, Observation, ObservedValue, supply};
+use crate::calibration::{
+    BeadIdentity, Calibration, LeftOut, Observation, ObservedValue, all_samples, because, no_flag,
+};
 use crate::model::{ModelInput, ResultCorrelation, ResultName, mean_and_scatter, median, propagate};
 use crate::quantity::Stated;
 
@@ -96,7 +98,9 @@ pub fn key_correlations(correlations: &mut [ResultCorrelation]) {
 struct Tap {
     subject: String,
     fit: OscillatorFit,
+    /// m/s².
     amplitude: f64,
+    /// Hz.
     frequency: f64,
 }
 
@@ -122,13 +126,8 @@ pub fn evaluate(
     for (recording, strikes) in recordings {
         for (number, strike) in strikes.iter().enumerate() {
             let subject = format!("{recording}, tap {number}");
-            match tap(strike, reduced) {
-                Ok((fit, amplitude, frequency)) => taps.push(Tap {
-                    subject,
-                    fit,
-                    amplitude,
-                    frequency,
-                }),
+            match tap(&subject, strike, reduced) {
+                Ok(tap) => taps.push(tap),
                 Err(why) => left_out.push(LeftOut { subject, why }),
             }
         }
@@ -146,8 +145,7 @@ pub fn evaluate(
         subject: tap.subject,
     }));
     if kept.len() < FEWEST {
-        let why = left_out.first();
-        let why = why.map_or(String::new(), |out| format!(" ({}: {})", out.subject, out.why));
+        let why = because(&left_out);
         return Err(format!(
             "{} of the taps can be used, and {FEWEST} at least are needed{why}; record more, ten for a good mean",
             kept.len()
@@ -163,10 +161,9 @@ pub fn evaluate(
         correlations,
         observations: kept.iter().map(observed).collect(),
         left_out,
-        checks: Vec::new(),
-        // The gains, and so the supply, drop out.
-        supply_v: supply(std::iter::empty()),
         method: METHOD.map(str::to_owned).to_vec(),
+        // The gains, and so the supply, drop out.
+        ..Calibration::default()
     })
 }
 
@@ -178,28 +175,16 @@ const METHOD: [&str; 2] = [
      while it rings.",
 ];
 
-/// Fit, amplitude (m/s²) and frequency (Hz) of a tap.
-fn tap(strike: &RecordedStrike, reduced: f64) -> Result<(OscillatorFit, f64, f64), String> {
-    let missing = strike.missing();
-    if missing > 0 {
-        return Err(format!(
-            "{missing} of its {} samples are missing; fetch it: bead fetch --port P --out F.mcap",
-            strike.said.samples
-        ));
-    }
-    let flags = strike.said.flags;
+/// The tap of a strike.
+fn tap(subject: &str, strike: &RecordedStrike, reduced: f64) -> Result<Tap, String> {
+    all_samples(strike)?;
     let spoilt = [
         StrikeFlags::ACCELERATION_RAILED,
         StrikeFlags::SENSOR_END,
         StrikeFlags::ANOTHER_WAVE,
         StrikeFlags::WINDOW_CUT,
     ];
-    if let Some(flag) = spoilt.into_iter().find(|flag| flags.has(*flag)) {
-        let name = flag.names().next().unwrap_or_default();
-        return Err(format!(
-            "its window has the flag {name}; tap more softly, and once"
-        ));
-    }
+    no_flag(strike, &spoilt, "tap more softly, and once")?;
     let signal = strike
         .settings
         .and_then(|settings| BeadSignal::of(&strike.scans, &settings));
@@ -241,7 +226,12 @@ fn tap(strike: &RecordedStrike, reduced: f64) -> Result<(OscillatorFit, f64, f64
         ));
     }
     let omega = (fit.stiffness / reduced - beta * beta).max(0.0).sqrt();
-    Ok((fit, amplitude, omega / std::f64::consts::TAU))
+    Ok(Tap {
+        subject: subject.to_owned(),
+        fit,
+        amplitude,
+        frequency: omega / std::f64::consts::TAU,
+    })
 }
 
 /// First sample behind the last that a force acts at.

@@ -83,17 +83,10 @@ pub fn entries(calibration: &Calibration, before: &Description, provenance: &Pro
             };
             if let Some((sensor, scale)) = scale {
                 let factor = combined.value / scale.per_code;
-                let wide = format!("{day} with {key}, at the ratio of both gains as it was");
-                push(
-                    &format!("{sensor}.wide_per_code"),
-                    rounded(scale.wide_per_code * factor, DIGITS),
-                    wide,
-                );
-                push(
-                    &format!("{sensor}.noise"),
-                    rounded(scale.noise * factor, 4),
-                    String::new(),
-                );
+                let with = format!("{day} with {key}, at the ratio of both gains as it was");
+                let [wide, noise] = ["wide_per_code", "noise"].map(|name| format!("{sensor}.{name}"));
+                push(&wide, rounded(scale.wide_per_code * factor, DIGITS), with);
+                push(&noise, rounded(scale.noise * factor, 4), String::new());
             }
         }
         if let Some(key) = result.uncertainty_key {
@@ -107,17 +100,11 @@ pub fn entries(calibration: &Calibration, before: &Description, provenance: &Pro
         }
     }
     if let Some(volts) = calibration.supply_v {
-        push(
-            "supply.voltage",
-            rounded(volts, 5),
-            format!("{day}: the mean next to the strikes"),
-        );
+        let mean = format!("{day}: the mean next to the strikes");
+        push("supply.voltage", rounded(volts, 5), mean);
     }
-    push(
-        "uncertainty.calibration",
-        certificate.as_str().into(),
-        String::new(),
-    );
+    let number = certificate.as_str().into();
+    push("uncertainty.calibration", number, String::new());
     push("uncertainty.calibrated", day.as_str().into(), String::new());
     if let Some(day) = valid_until {
         push("uncertainty.valid_until", day.as_str().into(), String::new());

@@ -38,16 +38,8 @@ pub struct ShakerInputs {
 /// # Errors
 /// One line: points of another unit, too few, or no resonance.
 pub fn evaluate(points: &Points, stated: &ShakerInputs) -> Result<Calibration, String> {
-    let size = match points.measured {
-        Measured::Acceleration => 1.0,
-        Measured::Codes => stated.acceleration_per_code,
-        other => {
-            return Err(format!(
-                "the points are in {}; a sweep takes the intruder's acceleration in m/s², or codes",
-                other.unit()
-            ));
-        }
-    };
+    let takes = "a sweep takes the intruder's acceleration in m/s², or codes";
+    let size = points.size(Measured::Acceleration, stated.acceleration_per_code, takes)?;
     if points.points.len() < FEWEST {
         return Err(format!(
             "{} points are too few for a resonance; sweep {FEWEST} frequencies at least, over the peak",
@@ -103,14 +95,12 @@ pub fn evaluate(points: &Points, stated: &ShakerInputs) -> Result<Calibration, S
     Ok(Calibration {
         procedure: "shaker",
         title: "Stiffness and damping on the shaker",
-        bead: None,
         results,
         correlations,
         observations: ratios.iter().zip(&points.points).map(observed).collect(),
-        left_out: Vec::new(),
         checks,
-        supply_v: None,
         method: METHOD.map(str::to_owned).to_vec(),
+        ..Calibration::default()
     })
 }
 

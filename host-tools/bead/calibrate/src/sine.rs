@@ -2,6 +2,7 @@
 //! IEEE Std 1057, 4.1.4.2.
 
 use hertz_chain::{Signal, Spectrum};
+use nalgebra::{Matrix4, Vector4};
 
 /// Samples that the search for the frequency takes.
 const SEARCHED: usize = 1 << 14;
@@ -21,12 +22,8 @@ pub(crate) struct Tone {
     pub(crate) frequency: f64,
     /// Amplitude rms, in the unit of the samples.
     pub(crate) rms: f64,
-    /// Standard uncertainty of `rms` by what is left of the samples, taken as white.
-    pub(crate) rms_u: f64,
     /// Rms of what is left of the samples without the tone.
     pub(crate) rest: f64,
-    /// Number of samples.
-    pub(crate) samples: usize,
 }
 
 /// Fits a tone to samples: times in s, ascending, and values. Without a frequency to begin with, the
@@ -92,21 +89,20 @@ fn refine(samples: &[(f64, f64)], mut frequency: f64) -> Result<Tone, String> {
     let mut amplitudes = [0.0; 2];
     for step in 0..STEPS {
         let omega = std::f64::consts::TAU * frequency;
-        // The first step has no amplitude yet that a change of the frequency could go with.
-        let columns = if step == 0 { 3 } else { 4 };
-        let mut normal = [[0.0; 5]; 4];
+        let (mut information, mut right) = (Matrix4::zeros(), Vector4::zeros());
         for (time, value) in samples {
             let since = time - middle;
             let (sin, cos) = (omega * since).sin_cos();
             let slope = since * (amplitudes[1] * cos - amplitudes[0] * sin);
-            let row = [cos, sin, 1.0, slope, *value];
-            for (of, line) in row.iter().zip(&mut normal) {
-                line.iter_mut()
-                    .zip(row)
-                    .for_each(|(sum, other)| *sum += of * other);
-            }
+            let row = Vector4::new(cos, sin, 1.0, slope);
+            information += row * row.transpose();
+            right += row * *value;
         }
-        let solved = solve(normal, columns).ok_or_else(lost)?;
+        // The first step has no amplitude yet that a change of the frequency could go with.
+        if step == 0 {
+            information[(3, 3)] = 1.0;
+        }
+        let solved = information.cholesky().ok_or_else(lost)?.solve(&right);
         amplitudes = [solved[0], solved[1]];
         let change = solved[3] / std::f64::consts::TAU;
         frequency += change;
@@ -118,59 +114,18 @@ fn refine(samples: &[(f64, f64)], mut frequency: f64) -> Result<Tone, String> {
         }
     }
     let omega = std::f64::consts::TAU * frequency;
-    let offset = {
-        let residual = |(time, value): &(f64, f64)| {
-            let (sin, cos) = (omega * (time - middle)).sin_cos();
-            value - amplitudes[0] * cos - amplitudes[1] * sin
-        };
-        samples.iter().map(residual).sum::<f64>() / samples.len() as f64
+    let left = |offset: f64, (time, value): &(f64, f64)| {
+        let (sin, cos) = (omega * (time - middle)).sin_cos();
+        value - offset - amplitudes[0] * cos - amplitudes[1] * sin
     };
-    let squares: f64 = samples
-        .iter()
-        .map(|(time, value)| {
-            let (sin, cos) = (omega * (time - middle)).sin_cos();
-            (value - offset - amplitudes[0] * cos - amplitudes[1] * sin).powi(2)
-        })
-        .sum();
     let count = samples.len() as f64;
-    let rest = (squares / (count - 4.0)).sqrt();
-    let rms = amplitudes[0].hypot(amplitudes[1]) * std::f64::consts::FRAC_1_SQRT_2;
+    let offset = samples.iter().map(|sample| left(0.0, sample)).sum::<f64>() / count;
+    let squares: f64 = samples.iter().map(|sample| left(offset, sample).powi(2)).sum();
     Ok(Tone {
         frequency,
-        rms,
-        // σ √(2/N) of an amplitude, 1/√2 of it of the rms.
-        rms_u: rest / count.sqrt(),
-        rest,
-        samples: samples.len(),
+        rms: amplitudes[0].hypot(amplitudes[1]) * std::f64::consts::FRAC_1_SQRT_2,
+        rest: (squares / (count - 4.0)).sqrt(),
     })
-}
-
-/// Gaussian elimination with pivots of the first `columns` unknowns; the others are 0.
-fn solve(mut rows: [[f64; 5]; 4], columns: usize) -> Option<[f64; 4]> {
-    for column in 0..columns {
-        let pivot =
-            (column..columns).max_by(|a, b| rows[*a][column].abs().total_cmp(&rows[*b][column].abs()))?;
-        rows.swap(column, pivot);
-        if rows[column][column].abs() < f64::MIN_POSITIVE {
-            return None;
-        }
-        for below in column + 1..columns {
-            let part = rows[below][column] / rows[column][column];
-            let above = rows[column];
-            rows[below]
-                .iter_mut()
-                .zip(above)
-                .for_each(|(to, from)| *to -= part * from);
-        }
-    }
-    let mut solved = [0.0; 4];
-    for row in (0..columns).rev() {
-        let known: f64 = (row + 1..columns)
-            .map(|column| rows[row][column] * solved[column])
-            .sum();
-        solved[row] = (rows[row][4] - known) / rows[row][row];
-    }
-    solved.iter().all(|value| value.is_finite()).then_some(solved)
 }
 
 #[cfg(test)]
@@ -202,7 +157,9 @@ mod tests {
             // Five times √6 σ/(π T A √N) (Rife and Boorstyn 1974).
             assert!((found.frequency - frequency).abs() < 0.025, "{found:?}");
             assert!((found.rest - 1.0).abs() < 0.02, "{found:?}");
-            pull += ((found.rms - 3.0 / 2.0_f64.sqrt()) / found.rms_u).powi(2);
+            // σ √(2/N) of an amplitude, 1/√2 of it of the rms.
+            let rms_u = found.rest / (samples.len() as f64).sqrt();
+            pull += ((found.rms - 3.0 / 2.0_f64.sqrt()) / rms_u).powi(2);
         }
         let pull = pull / f64::from(repeats);
         // The variance of 200 squares is 2/200.

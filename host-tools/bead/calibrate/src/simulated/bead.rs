@@ -1,6 +1,6 @@
 //! A bead whose sensors have gains of their own, around the bit-exact code; and chance.
 
-use bead_compare::front_end::{AnalogFrontEnd, CODES, DualSensor, SAMPLE_RATE_HZ, SensorStimulus};
+use bead_compare::front_end::{AnalogFrontEnd, SAMPLE_RATE_HZ, SensorStimulus};
 use bead_model::settings::{BLOCK_MAX, Settings};
 use bead_model::{Chunk, Meter, Scan, Sink};
 use bead_recording::file::{About, Part, RecordingError, RecordingWriter};
@@ -63,23 +63,10 @@ impl SimulatedBead {
     pub fn with_gains(settings: &Settings, gains: [f64; 2]) -> Self {
         let description = settings.description();
         let mut front_end = AnalogFrontEnd::default();
-        let span = |sensor: &mut DualSensor, per_code: f64, wide: f64, gain: f64| {
-            sensor.sensitive = sensor.sensitive.with_span(per_code * gain * f64::from(CODES));
-            sensor.wide = sensor.wide.with_span(wide * gain * f64::from(CODES));
-        };
-        let (force, acceleration) = (&description.force, &description.acceleration);
-        span(
-            &mut front_end.force,
-            force.per_code,
-            force.wide_per_code,
-            gains[0],
-        );
-        span(
-            &mut front_end.acceleration,
-            acceleration.per_code,
-            acceleration.wide_per_code,
-            gains[1],
-        );
+        front_end.force = front_end.force.with_scale(&description.force, gains[0]);
+        front_end.acceleration = front_end
+            .acceleration
+            .with_scale(&description.acceleration, gains[1]);
         Self {
             settings: *settings,
             front_end,
