@@ -138,10 +138,10 @@ impl BeadStrikes {
             worst.push(match points {
                 Ok(points) => {
                     widen(envelope, &points);
-                    MaskedPoint::worst(&points).map_or_else(
-                        || JudgedValue::absent(number, "the mask has no frequency".to_owned()),
-                        |point| JudgedValue::masked(number, point),
-                    )
+                    let values = points.into_iter().map(|point| JudgedValue::masked(number, point));
+                    JudgedValue::worst(values).unwrap_or_else(|| {
+                        JudgedValue::absent(number, "the mask has no frequency".to_owned())
+                    })
                 }
                 Err(why) => JudgedValue::absent(number, why),
             });
@@ -237,14 +237,8 @@ impl Limit {
         values: Vec<JudgedValue>,
         envelope: Vec<EnvelopePoint>,
     ) -> JudgedLimit {
-        let worst = values.iter().min_by(|one, other| {
-            other
-                .outcome
-                .cmp(&one.outcome)
-                .then(one.room().total_cmp(&other.room()))
-        });
-        let none = JudgedValue::absent(None, "there is no strike to judge; record one".to_owned());
-        let worst = worst.unwrap_or(&none).clone();
+        let none = || JudgedValue::absent(None, "there is no strike to judge; record one".to_owned());
+        let worst = JudgedValue::worst(values.iter().cloned()).unwrap_or_else(none);
         let count = |outcome| values.iter().filter(|value| value.outcome == outcome).count();
         let unit = match (self.quantity, &self.mask) {
             (Quantity::Scalar(scalar), _) => scalar.unit(),

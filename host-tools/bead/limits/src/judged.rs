@@ -23,7 +23,7 @@ pub struct JudgedRecording {
 }
 
 /// A limit against the strikes of a bead.
-#[derive(Clone, Debug, Serialize, JsonSchema)]
+#[derive(Clone, Debug, Default, Serialize, JsonSchema)]
 pub struct JudgedLimit {
     /// Name of the limit.
     pub name: String,
@@ -65,7 +65,7 @@ pub struct JudgedLimit {
 }
 
 /// A value that was held against limits.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct JudgedValue {
     /// Number of the strike; `None` for a value over several.
     pub(crate) strike: Option<u32>,
@@ -93,24 +93,14 @@ pub(crate) fn too_few(address: u8, found: usize, wanted: usize) -> JudgedLimit {
     JudgedLimit {
         name: "strikes".to_owned(),
         quantity: STRIKES.to_owned(),
-        unit: "",
-        rule: DecisionRule::Simple,
         bead: Some(address),
         outcome: Outcome::Fail,
-        passed: 0,
-        undecided: 0,
-        failed: 0,
-        strike: None,
         value: Some(found as f64),
-        expanded: None,
-        frequency_hz: None,
         interval: Interval {
             min: Some(wanted as f64),
             max: None,
         },
-        why: None,
-        points: Vec::new(),
-        envelope: Vec::new(),
+        ..JudgedLimit::default()
     }
 }
 
@@ -126,12 +116,8 @@ impl JudgedValue {
     pub(crate) fn absent(strike: Option<u32>, why: String) -> Self {
         Self {
             strike,
-            value: None,
-            expanded: None,
-            frequency: None,
-            interval: Interval::default(),
-            outcome: Outcome::Undecided,
             why: Some(why),
+            ..Self::default()
         }
     }
 
@@ -169,9 +155,15 @@ impl JudgedValue {
         }
     }
 
-    /// Room for the value, as a part of it.
-    pub(crate) fn room(&self) -> f64 {
-        let value = self.value.unwrap_or(f64::NAN);
-        self.interval.room(value) / value.abs().max(f64::MIN_POSITIVE)
+    /// The value that counts: the worst outcome, and of equal ones the least room, as a part of the value.
+    pub(crate) fn worst(values: impl IntoIterator<Item = Self>) -> Option<Self> {
+        let room = |one: &Self| {
+            let value = one.value.unwrap_or(f64::NAN);
+            one.interval.room(value) / value.abs().max(f64::MIN_POSITIVE)
+        };
+        values.into_iter().min_by(|one, other| {
+            let by_outcome = other.outcome.cmp(&one.outcome);
+            by_outcome.then(room(one).total_cmp(&room(other)))
+        })
     }
 }

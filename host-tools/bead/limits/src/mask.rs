@@ -130,22 +130,10 @@ impl Mask {
     }
 }
 
-impl MaskedPoint {
-    /// The point that counts: the worst outcome, and of equal ones the least room for the value.
-    pub fn worst(points: &[Self]) -> Option<Self> {
-        let room = |point: &Self| point.limits.room(point.value) / point.value.abs().max(f64::MIN_POSITIVE);
-        points.iter().copied().min_by(|one, other| {
-            other
-                .outcome
-                .cmp(&one.outcome)
-                .then(room(one).total_cmp(&room(other)))
-        })
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::judged::JudgedValue;
 
     fn mask(points: &[(f64, f64)]) -> Mask {
         let point = |(frequency, max): &(f64, f64)| MaskPoint {
@@ -204,12 +192,14 @@ mod tests {
         let signal = half_sine();
         let hold = |max: f64, rule| {
             let points = mask(&[(200.0, max), (5000.0, max)]).hold(&signal, rule).unwrap();
-            MaskedPoint::worst(&points).unwrap()
+            let points = points.into_iter().map(|point| JudgedValue::masked(None, point));
+            JudgedValue::worst(points).unwrap()
         };
         let worst = hold(1e3, DecisionRule::Simple);
-        assert!((700.0..1000.0).contains(&worst.frequency), "{worst:?}");
-        assert!((160.0..170.0).contains(&worst.value), "{worst:?}");
-        assert_eq!(worst.expanded, Some(0.02 * worst.value));
+        assert!((700.0..1000.0).contains(&worst.frequency.unwrap()), "{worst:?}");
+        let value = worst.value.unwrap();
+        assert!((160.0..170.0).contains(&value), "{worst:?}");
+        assert_eq!(worst.expanded, Some(0.02 * value));
         for (max, rule, outcome) in [
             (0.99, DecisionRule::Simple, Outcome::Fail),
             (1.01, DecisionRule::Simple, Outcome::Pass),
@@ -218,7 +208,7 @@ mod tests {
             (0.99, DecisionRule::GuardedRejection, Outcome::Pass),
             (0.97, DecisionRule::GuardedRejection, Outcome::Fail),
         ] {
-            assert_eq!(hold(max * worst.value, rule).outcome, outcome, "{max} {rule:?}");
+            assert_eq!(hold(max * value, rule).outcome, outcome, "{max} {rule:?}");
         }
     }
 

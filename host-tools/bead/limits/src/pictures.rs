@@ -85,14 +85,8 @@ fn values_panel(limit: &JudgedLimit) -> Panel {
         series("broken", Ink::Predicted, Mark::Discs, values(true)),
     ];
     curves.retain(|curve| !curve.points.is_empty());
-    let unit = if shown.symbol.is_empty() {
-        String::new()
-    } else {
-        format!(" ({})", shown.symbol)
-    };
-    Panel::new(format!("{}{unit}", limit.quantity.replace('_', " ")), curves)
-        .height(150)
-        .note(subject(limit))
+    let name = limit.quantity.replace('_', " ") + &shown.suffix();
+    Panel::new(name, curves).height(150).note(subject(limit))
 }
 
 fn spectrum(limit: &JudgedLimit) -> Chart {

@@ -33,7 +33,7 @@ pub enum Scalar {
 }
 
 impl Scalar {
-    /// All of them.
+    /// All of them, in their order.
     pub const ALL: [Self; 7] = [
         Self::Measured,
         Self::Predicted,
@@ -46,26 +46,12 @@ impl Scalar {
 
     /// Its name in a file of limits.
     pub const fn name(self) -> &'static str {
-        match self {
-            Self::Measured => "absorbed_measured",
-            Self::Predicted => "absorbed_predicted",
-            Self::Ratio => "ratio",
-            Self::PeakForce => "peak_force",
-            Self::PeakAcceleration => "peak_acceleration",
-            Self::Incident => "incident_energy",
-            Self::RingFrequency => "ring_frequency",
-        }
+        FACTS[self as usize].0
     }
 
     /// Its unit; empty for a ratio.
     pub const fn unit(self) -> &'static str {
-        match self {
-            Self::Measured | Self::Predicted | Self::Incident => "J",
-            Self::Ratio => "",
-            Self::PeakForce => "N",
-            Self::PeakAcceleration => "m/s²",
-            Self::RingFrequency => "Hz",
-        }
+        FACTS[self as usize].1
     }
 
     /// The value of this name.
@@ -73,6 +59,17 @@ impl Scalar {
         Self::ALL.into_iter().find(|one| one.name() == name)
     }
 }
+
+/// Name and unit of each scalar.
+const FACTS: [(&str, &str); Scalar::ALL.len()] = [
+    ("absorbed_measured", "J"),
+    ("absorbed_predicted", "J"),
+    ("ratio", ""),
+    ("peak_force", "N"),
+    ("peak_acceleration", "m/s²"),
+    ("incident_energy", "J"),
+    ("ring_frequency", "Hz"),
+];
 
 /// Names of the quantities that are no scalars.
 pub(crate) const DRIFT: &str = "drift";

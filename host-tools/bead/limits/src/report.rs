@@ -114,11 +114,7 @@ fn section(recording: &JudgedRecording, several: bool) -> Chapter {
 fn row(limit: &JudgedLimit) -> Vec<GridCell> {
     let shown = Shown::of(limit);
     let known = |value: Option<f64>| value.map_or_else(|| DASH.to_owned(), |value| shown.number(value));
-    let unit = if shown.symbol.is_empty() {
-        String::new()
-    } else {
-        format!(" ({})", shown.symbol)
-    };
+    let unit = shown.suffix();
     let at = limit
         .frequency_hz
         .map_or_else(String::new, |at| format!(" at {at:.0} Hz"));

@@ -21,12 +21,13 @@ pub enum DecisionRule {
 }
 
 /// The result of a decision.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
     /// Within the limits by the rule.
     Pass,
     /// Not decided: the value or its uncertainty is unknown.
+    #[default]
     Undecided,
     /// Beyond a limit by the rule.
     Fail,

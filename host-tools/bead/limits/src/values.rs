@@ -50,11 +50,7 @@ impl StrikeValues {
     /// energies then take a budget, which costs some 0.4 s, and are unknown unless it is `with_budget`.
     pub fn of(strike: &RecordedStrike, stated: Option<&Uncertainty>, with_budget: bool) -> Self {
         let said = &strike.said;
-        let own = strike
-            .settings
-            .as_ref()
-            .and_then(|settings| settings.description().uncertainty);
-        let known = stated.copied().or(own);
+        let known = known(strike, stated);
         let [u_a, u_b, u_difference] = match stated {
             Some(_) if !with_budget => [None; 3],
             _ => energies(strike, stated),
@@ -108,9 +104,14 @@ impl StrikeValues {
     /// # Errors
     /// The reason, and what next.
     pub fn get(&self, scalar: Scalar) -> Result<Measured, &'static str> {
-        let place = Scalar::ALL.iter().position(|one| *one == scalar);
-        place.map_or(Err("it is no value of a strike"), |place| self.values[place])
+        self.values[scalar as usize]
     }
+}
+
+/// The stated uncertainties, or else those in the settings of a strike.
+fn known(strike: &RecordedStrike, stated: Option<&Uncertainty>) -> Option<Uncertainty> {
+    let own = || strike.settings.as_ref()?.description().uncertainty;
+    stated.copied().or_else(own)
 }
 
 /// The standard uncertainties of A, B and A − B, J: by the budget of the strike if uncertainties are stated,
@@ -151,12 +152,7 @@ fn acceleration_part(flags: Flags, stated: &Uncertainty) -> Option<f64> {
 
 /// The relative standard uncertainty of a force's scale, if the settings state it and no flag doubts it.
 pub(crate) fn force_part(strike: &RecordedStrike, stated: Option<&Uncertainty>) -> Option<f64> {
-    let own = strike
-        .settings
-        .as_ref()
-        .and_then(|settings| settings.description().uncertainty);
-    let known = stated.copied().or(own)?;
-    let [peak, _] = of_force(&strike.said, &known)?;
+    let [peak, _] = of_force(&strike.said, &known(strike, stated)?)?;
     let value = strike.said.peak_force.newtons().abs();
     Some(peak / value).filter(|part| part.is_finite())
 }

@@ -49,7 +49,7 @@ pub fn sentence(limit: &JudgedLimit) -> String {
 
 /// The unit and the digits in which the values of a limit are shown.
 pub(crate) struct Shown {
-    pub(crate) symbol: String,
+    symbol: &'static str,
     pub(crate) scale: f64,
     /// Digits behind the point.
     digits: usize,
@@ -73,9 +73,17 @@ impl Shown {
             0
         };
         Self {
-            symbol: symbol.to_owned(),
+            symbol,
             scale,
             digits,
+        }
+    }
+
+    /// The unit in brackets, behind a blank; empty without one.
+    pub(crate) fn suffix(&self) -> String {
+        match self.symbol {
+            "" => String::new(),
+            symbol => format!(" ({symbol})"),
         }
     }
 
@@ -84,15 +92,12 @@ impl Shown {
     }
 
     fn plain(&self, value: f64) -> String {
-        format!("{} {}", self.number(value), self.symbol)
-            .trim_end()
-            .to_owned()
+        self.with(value, None)
     }
 
     fn with(&self, value: f64, expanded: Option<f64>) -> String {
         let within = expanded.map_or_else(String::new, |expanded| format!(" ± {}", self.number(expanded)));
-        format!("{}{within} {}", self.number(value), self.symbol)
-            .trim_end()
-            .to_owned()
+        let shown = format!("{}{within} {}", self.number(value), self.symbol);
+        shown.trim_end().to_owned()
     }
 }

@@ -35,6 +35,7 @@ impl FileText {
 impl LimitText {
     fn checked(self, number: usize, rule: DecisionRule) -> Result<Limit, InputError> {
         let at = |key: &str| format!("limit[{number}].{key}");
+        let refused = |key: &str, what: &str, advice: &str| Err(InputError::at(at(key), what, advice));
         let quantity = self.quantity(number)?;
         let interval = Interval {
             min: self.min,
@@ -44,28 +45,18 @@ impl LimitText {
             (Quantity::Srs, Some(points)) => Some(self.checked_mask(number, points)?),
             (Quantity::Srs, None) => {
                 let advice = "give mask = [{ frequency = 500, max = 300 }, { frequency = 5000, max = 900 }], in Hz and m/s²";
-                return Err(InputError::at(
-                    at("mask"),
-                    "a limit on srs has a mask, and this one has none",
-                    advice,
-                ));
+                return refused("mask", "a limit on srs has a mask, and this one has none", advice);
             }
             (_, Some(_)) => {
-                return Err(InputError::at(
-                    at("mask"),
-                    "only srs has a mask",
-                    "give min or max, or quantity = \"srs\"",
-                ));
+                let advice = "give min or max, or quantity = \"srs\"";
+                return refused("mask", "only srs has a mask", advice);
             }
             (_, None) => None,
         };
         if mask.is_some() && interval != Interval::default() {
             let key = if self.min.is_some() { "min" } else { "max" };
-            return Err(InputError::at(
-                at(key),
-                "the limits of srs stand in its mask",
-                "write it into each point of the mask",
-            ));
+            let advice = "write it into each point of the mask";
+            return refused(key, "the limits of srs stand in its mask", advice);
         }
         let of_mask = [
             ("response", self.response.is_some()),
@@ -74,11 +65,7 @@ impl LimitText {
             ("unit", self.unit.is_some()),
         ];
         if let Some((key, _)) = of_mask.iter().find(|(_, given)| *given && mask.is_none()) {
-            return Err(InputError::at(
-                at(key),
-                "only srs has it",
-                "leave it out; values are in SI units",
-            ));
+            return refused(key, "only srs has it", "leave it out; values are in SI units");
         }
         if mask.is_none() {
             check(&at, interval)?;
@@ -124,24 +111,19 @@ impl LimitText {
 
     fn checked_mask(&self, number: usize, points: &[PointText]) -> Result<Mask, InputError> {
         let at = |place: usize, key: &str| format!("limit[{number}].mask[{place}].{key}");
+        let refused = |key: String, what: &str, advice: &str| Err(InputError::at(key, what, advice));
+        let own = |key: &str| format!("limit[{number}].{key}");
         if points.len() < 2 {
             let advice = "give two points or more, between which the limit runs straight over logarithms";
-            return Err(InputError::at(
-                format!("limit[{number}].mask"),
-                "it has fewer than two points",
-                advice,
-            ));
+            return refused(own("mask"), "it has fewer than two points", advice);
         }
         let mut checked: Vec<MaskPoint> = Vec::new();
         for (place, point) in (1..).zip(points) {
             let is_later = checked.last().is_none_or(|last| last.frequency < point.frequency);
             if !(point.frequency.is_finite() && point.frequency > 0.0 && is_later) {
                 let what = format!("{} Hz is not above 0 and above the point before", point.frequency);
-                return Err(InputError::at(
-                    at(place, "frequency"),
-                    what,
-                    "give frequencies in Hz, ascending",
-                ));
+                let advice = "give frequencies in Hz, ascending";
+                return refused(at(place, "frequency"), &what, advice);
             }
             let limits = Interval {
                 min: point.min,
@@ -150,24 +132,16 @@ impl LimitText {
             check(&|key: &str| at(place, key), limits)?;
             for (key, limit) in [("min", limits.min), ("max", limits.max)] {
                 if limit.is_some_and(|limit| limit <= 0.0) {
-                    return Err(InputError::at(
-                        at(place, key),
-                        "a limit of a spectrum is above 0",
-                        "give more than 0",
-                    ));
+                    let what = "a limit of a spectrum is above 0";
+                    return refused(at(place, key), what, "give more than 0");
                 }
             }
             let sides = |limits: Interval| (limits.min.is_some(), limits.max.is_some());
-            if checked
-                .last()
-                .is_some_and(|last| sides(last.limits) != sides(limits))
-            {
+            let differs = |last: &MaskPoint| sides(last.limits) != sides(limits);
+            if checked.last().is_some_and(differs) {
                 let advice = "give every point the same of min and max, or write two limits";
-                return Err(InputError::at(
-                    at(place, "frequency"),
-                    "it has other limits than the point before",
-                    advice,
-                ));
+                let what = "it has other limits than the point before";
+                return refused(at(place, "frequency"), what, advice);
             }
             checked.push(MaskPoint {
                 frequency: point.frequency,
@@ -178,16 +152,12 @@ impl LimitText {
         if !(quality > 0.5 && quality <= 1e6) {
             let what = format!("{quality} is no quality of an oscillator");
             let advice = "give a number above 0.5, such as 10 (5 % of critical damping)";
-            return Err(InputError::at(format!("limit[{number}].quality"), what, advice));
+            return refused(own("quality"), &what, advice);
         }
         let per_octave = self.per_octave.unwrap_or(PER_OCTAVE);
         if !(1..=96).contains(&per_octave) {
             let what = format!("{per_octave} frequencies in an octave");
-            return Err(InputError::at(
-                format!("limit[{number}].per_octave"),
-                what,
-                "give 1 to 96",
-            ));
+            return refused(own("per_octave"), &what, "give 1 to 96");
         }
         let response = match self.response.unwrap_or(ResponseName::AbsoluteAcceleration) {
             ResponseName::AbsoluteAcceleration => ResponseKind::AbsoluteAcceleration,
@@ -197,11 +167,7 @@ impl LimitText {
         let gravities = self.unit == Some(UnitName::Gravities);
         if self.unit.is_some() && response != ResponseKind::AbsoluteAcceleration {
             let what = "only an absolute acceleration is in m/s² or g";
-            return Err(InputError::at(
-                format!("limit[{number}].unit"),
-                what,
-                "leave it out",
-            ));
+            return refused(own("unit"), what, "leave it out");
         }
         Ok(Mask {
             points: checked,

@@ -49,80 +49,35 @@ mod tests {
         }
     }
 
-    /// A file, and the refusal.
-    const REFUSALS: [(&str, &str); 18] = [
-        ("", "l.toml:1: no limit is in it; add a [[limit]]"),
-        (
-            "[[limit]]\nquantity = \"peak_forse\"\nmax = 1.0",
-            "l.toml:2: limit[1].quantity: `peak_forse` is no quantity; give one of",
-        ),
-        ("[[limit]]\nquantity = \"ratio\"", "limit[1]"),
-        (
-            "[[limit]]\nquantity = \"ratio\"\nmaximum = 1.0",
-            "l.toml:3: limit[1].maximum: unknown key",
-        ),
-        (
-            "[[limit]]\nquantity = \"ratio\"\nmax = nan",
-            "l.toml:3: limit[1].max: it is no finite number",
-        ),
-        (
-            "[[limit]]\nquantity = \"ratio\"\nmin = 2.0\nmax = 1.0",
-            "l.toml:3: limit[1].min: min 2 is above max 1",
-        ),
-        (
-            "rule = \"guarded\"\n[[limit]]\nquantity = \"ratio\"\nmax = 1.0",
-            "l.toml:1: rule",
-        ),
-        (
-            "[[limit]]\nquantity = \"srs\"\nmax = 1.0",
-            "limit[1].mask: a limit on srs has a mask, and this one has none",
-        ),
-        (
-            "[[limit]]\nquantity = \"srs\"\nmask = [{ max = 3.0 }, { frequency = 9.0, max = 1.0 }]",
-            "the key `frequency` is missing",
-        ),
-        (
-            "[[limit]]\nquantity = \"srs\"\nmask = [{ frequency = 9.0, max = 1.0 }]",
-            "limit[1].mask: it has fewer than two points",
-        ),
-        (
-            "[[limit]]\nquantity = \"srs\"\nmask = [{ frequency = 9.0, max = 1.0 }, { frequency = 9.0, max = 1.0 }]",
-            "limit[1].mask[2].frequency: 9 Hz is not above 0 and above the point before",
-        ),
-        (
-            "[[limit]]\nquantity = \"srs\"\nmask = [{ frequency = 9.0, max = 1.0 }, { frequency = 10.0, min = 1.0 }]",
-            "limit[1].mask[2].frequency: it has other limits than the point before",
-        ),
-        (
-            "[[limit]]\nquantity = \"srs\"\nmask = [{ frequency = 9.0 }, { frequency = 10.0, min = 1.0 }]",
-            "limit[1].mask[1]",
-        ),
-        (
-            "[[limit]]\nquantity = \"srs\"\nquality = 0.5\nmask = [{ frequency = 9.0, max = 1.0 }, { frequency = 10.0, max = 1.0 }]",
-            "limit[1].quality: 0.5 is no quality",
-        ),
-        (
-            "[[limit]]\nquantity = \"ratio\"\nmax = 1.0\nquality = 10.0",
-            "limit[1].quality: only srs has it",
-        ),
-        (
-            "[[limit]]\nquantity = \"ratio\"\nmax = 1.0\nof = \"ratio\"",
-            "limit[1].of: only a drift is of a value",
-        ),
-        (
-            "[[limit]]\nquantity = \"drift\"\nmax = 1.0\nof = \"srs\"",
-            "limit[1].of: `srs` is no value of a strike",
-        ),
-        (
-            "[[limit]]\nquantity = \"ratio\"\nmax = 1.0\nbeads = [300]",
-            "limit[1].beads",
-        ),
-    ];
+    /// Keys of a limit, with `; ` between them, and the refusal of each file with such a limit.
+    const REFUSALS: &str = r#"
+quantity = "peak_forse"; max = 1.0 | 2: limit[1].quantity: `peak_forse` is no quantity; give one of
+quantity = "ratio" | limit[1]
+quantity = "ratio"; maximum = 1.0 | 3: limit[1].maximum: unknown key
+quantity = "ratio"; max = nan | 3: limit[1].max: it is no finite number
+quantity = "ratio"; min = 2.0; max = 1.0 | 3: limit[1].min: min 2 is above max 1
+quantity = "srs"; max = 1.0 | limit[1].mask: a limit on srs has a mask, and this one has none
+quantity = "srs"; mask = [{ max = 3.0 }, { frequency = 9.0, max = 1.0 }] | the key `frequency` is missing
+quantity = "srs"; mask = [{ frequency = 9.0, max = 1.0 }] | limit[1].mask: it has fewer than two points
+quantity = "srs"; mask = [{ frequency = 9, max = 1 }, { frequency = 9, max = 1 }] | limit[1].mask[2].frequency: 9 Hz is not above 0 and above the point before
+quantity = "srs"; mask = [{ frequency = 9, max = 1 }, { frequency = 10, min = 1 }] | limit[1].mask[2].frequency: it has other limits than the point before
+quantity = "srs"; mask = [{ frequency = 9.0 }, { frequency = 10.0, min = 1.0 }] | limit[1].mask[1]
+quantity = "srs"; quality = 0.5; mask = [{ frequency = 9, max = 1 }, { frequency = 10, max = 1 }] | limit[1].quality: 0.5 is no quality
+quantity = "ratio"; max = 1.0; quality = 10.0 | limit[1].quality: only srs has it
+quantity = "ratio"; max = 1.0; of = "ratio" | limit[1].of: only a drift is of a value
+quantity = "drift"; max = 1.0; of = "srs" | limit[1].of: `srs` is no value of a strike
+quantity = "ratio"; max = 1.0; beads = [300] | limit[1].beads"#;
 
     #[test]
     fn a_refusal_names_line_and_key_in_one_line() {
-        for (text, expected) in REFUSALS {
-            let refused = Limits::parse(text, "l.toml").unwrap_err().to_string();
+        let refusals = REFUSALS.trim_start().lines().map(|line| {
+            let (limit, refusal) = line.split_once(" | ").unwrap();
+            (format!("[[limit]]\n{}", limit.replace("; ", "\n")), refusal)
+        });
+        let none = (String::new(), "1: no limit is in it; add a [[limit]]");
+        let rule = "rule = \"guarded\"\n[[limit]]\nquantity = \"ratio\"\nmax = 1.0";
+        for (text, expected) in refusals.chain([none, (rule.to_owned(), "1: rule")]) {
+            let refused = Limits::parse(&text, "l.toml").unwrap_err().to_string();
             assert!(refused.contains(expected), "{refused}\n{expected}");
             assert_eq!(refused.lines().count(), 1, "{refused}");
             assert!(
