@@ -186,7 +186,7 @@ impl Bridge {
     fn codes(&mut self, to_ns: u64) -> Vec<[u16; 4]> {
         let from_ns = match self.codes_until_ns {
             Some(until) => until,
-            None => self.live.now_ns() + self.codes.taken() * self.row_ns,
+            None => self.live.now_ns() + self.codes.taken * self.row_ns,
         };
         let own_ns = to_ns.saturating_sub(from_ns) as f64 * self.rate;
         self.codes.take(own_ns as u64 / self.row_ns + 2)

@@ -10,7 +10,7 @@
 
 use std::f64::consts::SQRT_2;
 
-use bead_model::design::{Description, Relative, SensorScale, Uncertainty};
+use bead_model::design::{Description, Relative, Uncertainty};
 use bead_model::name::Name;
 use bead_wire::{Energy, StrikeFlags};
 use hertz_chain::Scenario;
@@ -23,7 +23,7 @@ use crate::emulation::{Placed, settings_of};
 use crate::error::BenchError;
 use crate::model_bead::measured;
 use bead_compare::budget::drawn_settings;
-use bead_compare::front_end::{AnalogFrontEnd, CODES, DualSensor};
+use bead_compare::front_end::AnalogFrontEnd;
 use bead_compare::sensed::{Timing, Truth, simulate_with_ring_down};
 
 /// Coverage factor of the intervals.
@@ -142,13 +142,9 @@ impl Calibrated {
             intruder.mass = real.intruder.mass;
             (intruder.stiffness, intruder.damping) = (real.intruder.stiffness, real.intruder.damping);
         }
-        set_scale(&mut front_end.force, &real.force);
-        set_scale(&mut front_end.acceleration, &real.acceleration);
-        let timing = Timing {
-            lead_in,
-            strikes: 1,
-            interval: 1.0,
-        };
+        front_end.force = front_end.force.with_scale(&real.force, 1.0);
+        front_end.acceleration = front_end.acceleration.with_scale(&real.acceleration, 1.0);
+        let timing = Timing::once(lead_in);
         let solution = simulate_with_ring_down(&scenario)?;
         let truth = Truth::of(&scenario, &solution, BEAD)?.absorbed;
         let reports = measured(&self.settings, &front_end, (&solution, BEAD), timing, noise);
@@ -167,12 +163,6 @@ impl Calibrated {
             flags: strike.flags,
         })
     }
-}
-
-/// Gives a sensor the scales of both gains.
-fn set_scale(sensor: &mut DualSensor, scale: &SensorScale) {
-    sensor.sensitive = sensor.sensitive.with_span(scale.per_code * f64::from(CODES));
-    sensor.wide = sensor.wide.with_span(scale.wide_per_code * f64::from(CODES));
 }
 
 /// True if chance explains that so many of the drawn beads flag a doubt.

@@ -218,10 +218,6 @@ impl Emulation {
         timing: Timing,
         image: &Path,
     ) -> Result<Self, BenchError> {
-        let mut block = [0; BLOCK_MAX];
-        let length = settings
-            .encode(&mut block)
-            .map_err(|error| BenchError::unfit("cannot encode the settings", error))?;
         let lasts = sensed.long();
         if timing.strikes > 1 && timing.interval < lasts {
             // Rounded up, so that the time in the message suffices.
@@ -257,8 +253,8 @@ impl Emulation {
             ..RunTruth::default()
         };
         Ok(Self {
+            block: block_of(&settings)?,
             settings,
-            block: block[..length].to_vec(),
             truth,
             faults: Vec::new(),
             shift: None,
@@ -430,6 +426,14 @@ impl Emulation {
             log: outcome.log.iter().map(ToString::to_string).collect(),
         })
     }
+}
+
+/// The block of settings in flash.
+pub(crate) fn block_of(settings: &Settings) -> Result<Vec<u8>, BenchError> {
+    let mut block = [0; BLOCK_MAX];
+    let length = settings.encode(&mut block);
+    let length = length.map_err(|error| BenchError::unfit("cannot encode the settings", error))?;
+    Ok(block[..length].to_vec())
 }
 
 /// Codes of inputs that nothing is connected to, for a period of the mains: hum of 50 Hz and some noise.

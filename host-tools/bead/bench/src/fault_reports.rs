@@ -620,7 +620,8 @@ mod tests {
     use ResetCause::{PowerCut, Software};
 
     use super::*;
-    use crate::faults::{parse, provoke};
+    use crate::faults::provoke;
+    use crate::faults::tests::planned;
     use bead_compare::front_end::AnalogFrontEnd;
 
     type Resets<'a> = &'a [(f64, ResetCause)];
@@ -635,13 +636,7 @@ mod tests {
 
     /// Checks a run of 2 s with these faults, as `kind at key=value; ...`.
     fn run(faults: &str, resets: Resets<'_>, reported: Reports<'_>, results: Vec<f64>) -> CheckedFaults {
-        let table = |fault: &str| {
-            let mut words = fault.split_whitespace();
-            let (kind, at) = (words.next().unwrap(), words.next().unwrap());
-            let more: Vec<_> = words.map(|word| word.replace('=', " = ")).collect();
-            format!("[[fault]]\nkind = \"{kind}\"\nat = {at}\n{}\n", more.join("\n"))
-        };
-        let faults = parse(&faults.split(';').map(table).collect::<String>(), "f.toml").unwrap();
+        let faults = planned(faults);
         let mut run = stm32f405_qemu::Run::new("none");
         run.stimulus = (0..200_000u32).map(|row| [1000 + (row % 7) as u16; 4]).collect();
         provoke(&faults, &AnalogFrontEnd::default(), &mut run);

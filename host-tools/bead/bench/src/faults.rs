@@ -154,13 +154,6 @@ impl Planned {
         self.kind.sensor().map(|(_, cause)| cause)
     }
 
-    /// True if the fault ends in a reset.
-    pub fn resets(&self) -> bool {
-        use FaultCause::{DmaError, HardFault, Panic, StackOverflow, Watchdog};
-        let fatal = |cause| matches!(cause, DmaError | Panic | HardFault | Watchdog | StackOverflow);
-        self.cause().is_some_and(fatal) || self.kind == PlannedKind::PowerCut
-    }
-
     /// Longest time to the bead's report, s: with its restart, if the fault ends in a reset.
     pub fn reported_within(&self) -> f64 {
         const FRAME: f64 = 0.05;
@@ -402,8 +395,19 @@ pub fn check(faults: &[Planned], seconds: f64) -> Result<(), BenchError> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
+
+    /// Faults, written as `kind at key=value; ...`.
+    pub(crate) fn planned(faults: &str) -> Vec<Planned> {
+        let table = |fault: &str| {
+            let mut words = fault.split_whitespace();
+            let (kind, at) = (words.next().unwrap(), words.next().unwrap());
+            let more: Vec<_> = words.map(|word| word.replace('=', " = ")).collect();
+            format!("[[fault]]\nkind = \"{kind}\"\nat = {at}\n{}\n", more.join("\n"))
+        };
+        parse(&faults.split(';').map(table).collect::<String>(), "f.toml").unwrap()
+    }
 
     fn refused(text: &str) -> String {
         parse(text, "f.toml").unwrap_err().to_string()
@@ -466,9 +470,7 @@ at = 1.0, kind = 'supply', volts = 5.0 | 4: fault[1].volts: not a voltage that t
         let rows = (0..100).map(|row| [row, 1000 + row, 2000 + row, 3000 + row]);
         run.stimulus = rows.collect();
         let before = run.stimulus.clone();
-        let text = "[[fault]]\nat = 0.0001\nkind = \"force_stuck\"\nduration = 0.0002\n\
-                    [[fault]]\nat = 0.0005\nkind = \"acceleration_railed\"\n";
-        let faults = parse(text, "f.toml").unwrap();
+        let faults = planned("force_stuck 0.0001 duration=0.0002; acceleration_railed 0.0005");
         provoke(&faults, &AnalogFrontEnd::default(), &mut run);
         for (row, (before, after)) in before.iter().zip(&run.stimulus).enumerate() {
             let mut expected = *before;
@@ -486,9 +488,7 @@ at = 1.0, kind = 'supply', volts = 5.0 | 4: fault[1].volts: not a voltage that t
     fn codes_follow_the_supply_while_it_is_off_and_a_sensor_that_is_stuck_then_stays_so() {
         let mut run = Run::new("none");
         run.stimulus = vec![[1128, 228, 3048, 2148]; 100];
-        let text = "[[fault]]\nat = 0.0001\nkind = \"supply\"\nvolts = 3.0\nduration = 0.0003\n\
-                    [[fault]]\nat = 0.0002\nkind = \"acceleration_stuck\"\n";
-        let faults = parse(text, "f.toml").unwrap();
+        let faults = planned("supply 0.0001 volts=3.0 duration=0.0003; acceleration_stuck 0.0002");
         provoke(&faults, &AnalogFrontEnd::default(), &mut run);
         for (row, codes) in run.stimulus.iter().enumerate() {
             let force = if (10..40).contains(&row) {
@@ -503,32 +503,27 @@ at = 1.0, kind = 'supply', volts = 5.0 | 4: fault[1].volts: not a voltage that t
 
     #[test]
     fn a_supply_that_dips_comes_back_and_a_short_dip_does_not_end_a_longer_one() {
-        let supply = |text: &str| {
-            let faults = text
-                .split(';')
-                .map(|fault| format!("[[fault]]\nkind = \"supply\"\n{fault}\n"));
-            let faults = parse(&faults.collect::<String>().replace(',', "\n"), "f.toml").unwrap();
+        let supply = |faults: &str| {
             let mut run = Run::new("none");
-            provoke(&faults, &AnalogFrontEnd::default(), &mut run);
+            provoke(&planned(faults), &AnalogFrontEnd::default(), &mut run);
             let levels = run.faults.iter().map(|fault| match fault.kind {
                 FaultKind::Supply { millivolts } => (fault.at_ns / 1_000_000, millivolts),
                 kind => panic!("{kind:?}"),
             });
             levels.collect::<Vec<_>>()
         };
-        let expected = [(50, 2500), (350, 3300)];
-        assert_eq!(supply("at = 0.05, volts = 2.5, duration = 0.3"), expected);
-        let long = "at = 0.05, volts = 2.5, duration = 0.3";
-        let short = "at = 0.1, volts = 2.6, duration = 0.125";
+        let long = "supply 0.05 volts=2.5 duration=0.3";
+        assert_eq!(supply(long), [(50, 2500), (350, 3300)]);
+        let short = "supply 0.1 volts=2.6 duration=0.125";
         let expected = [(50, 2500), (100, 2600), (225, 2500), (350, 3300)];
         assert_eq!(supply(&format!("{long};{short}")), expected);
         assert_eq!(supply(&format!("{short};{long}")), expected);
         // One that lasts to the end of the run is there again after another one.
         let expected = [(50, 2800), (100, 2600), (225, 2800)];
-        assert_eq!(supply(&format!("at = 0.05, volts = 2.8;{short}")), expected);
+        assert_eq!(supply(&format!("supply 0.05 volts=2.8;{short}")), expected);
         // One that is over before the other.
         let expected = [(50, 2500), (100, 2600), (150, 2600), (225, 3300)];
-        let over = "at = 0.05, volts = 2.5, duration = 0.1";
+        let over = "supply 0.05 volts=2.5 duration=0.1";
         assert_eq!(supply(&format!("{over};{short}")), expected);
     }
 }

@@ -35,45 +35,18 @@ const RANGE: f64 = 0.2;
 const COVERED: [f64; 2] = [0.93, 0.97];
 /// Least probability of the ranks, if they are uniform.
 const LEAST_PROBABILITY: f64 = 0.01;
-/// Greatest error of k and of c, as a part.
-const GOALS: [(IdentifiedName, f64); 2] = [
-    (IdentifiedName::Stiffness, 0.005),
-    (IdentifiedName::Damping, 0.02),
+/// The drawn parameters, each with its greatest error as a part, if it has a goal.
+const PARAMETERS: [(&str, Option<f64>); 5] = [
+    ("k", Some(0.005)),
+    ("c", Some(0.02)),
+    ("Y", None),
+    ("tau", None),
+    ("V", None),
 ];
 /// Place of the bead in the paper's chain.
 const BEAD: usize = 8;
 /// Quiet before the strike, s.
 const LEAD_IN: f64 = 0.01;
-
-/// The drawn parameters.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum IdentifiedName {
-    Stiffness,
-    Damping,
-    Young,
-    Relaxation,
-    Velocity,
-}
-
-const NAMES: [IdentifiedName; 5] = [
-    IdentifiedName::Stiffness,
-    IdentifiedName::Damping,
-    IdentifiedName::Young,
-    IdentifiedName::Relaxation,
-    IdentifiedName::Velocity,
-];
-
-impl IdentifiedName {
-    fn symbol(self) -> &'static str {
-        match self {
-            Self::Stiffness => "k",
-            Self::Damping => "c",
-            Self::Young => "Y",
-            Self::Relaxation => "tau",
-            Self::Velocity => "V",
-        }
-    }
-}
 
 /// The outcome of one drawn bead.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -132,11 +105,7 @@ impl Nominal {
         let solution = simulate_with_ring_down(&real)?;
         let mut all = Vec::new();
         for _ in 0..strikes {
-            let timing = Timing {
-                lead_in: LEAD_IN + random.random_range(0.0..1e-5),
-                strikes: 1,
-                interval: 1.0,
-            };
+            let timing = Timing::once(LEAD_IN + random.random_range(0.0..1e-5));
             let noise = random.random();
             let recorded = recorded(&self.settings, &self.front_end, (&solution, BEAD), timing, noise);
             all.push(recorded.ok_or_else(|| BenchError::Unfit("a drawn bead finds no strike".to_owned()))?);
@@ -148,14 +117,16 @@ impl Nominal {
         let chain = ChainOfScenario::new(&self.scenario, BEAD).map_err(unfit)?;
         let start = chain.values();
         let runs = ChainRuns::new(chain);
-        let mut candidates = Vec::new();
-        for (number, one) in (0..).zip(&series) {
-            candidates.push(Candidate {
+        let candidate = |(number, one): (u32, &StrikeSeries)| {
+            let model = Box::new(ChainStrike::new(&runs, one, &noises, &start)?);
+            Ok(Candidate {
                 recording: 0,
                 number,
-                model: Box::new(ChainStrike::new(&runs, one, &noises, &start).map_err(unfit)?),
-            });
-        }
+                model,
+            })
+        };
+        let candidates = (0..).zip(&series).map(candidate);
+        let candidates: Vec<_> = candidates.collect::<Result<_, _>>().map_err(unfit)?;
         let fitted = [
             Quantity::Stiffness,
             Quantity::Damping,
@@ -229,16 +200,15 @@ pub struct IdentificationCoverage {
 impl IdentificationCoverage {
     /// The coverage of each parameter.
     pub fn of(beads: &[DrawnIdentification]) -> Vec<Self> {
-        let of = |(at, name): (usize, IdentifiedName)| {
+        let of = |(at, (parameter, goal)): (usize, (&'static str, Option<f64>))| {
             let deviations: Vec<f64> = beads.iter().map(|bead| bead.deviations[at]).collect();
             let [mean, scatter, probability] = rank_statistics(&deviations);
             let count = beads.len() as f64;
             let covered = beads.iter().filter(|bead| bead.covered[at]).count() as f64 / count;
             let errors = || beads.iter().map(|bead| bead.errors[at]);
-            let goal = GOALS.iter().find(|(of, _)| *of == name).map(|(_, goal)| *goal);
             let error_most = errors().fold(0.0, |most: f64, error| most.max(error.abs()));
             Self {
-                parameter: name.symbol(),
+                parameter,
                 beads: beads.len(),
                 covered,
                 mean,
@@ -252,7 +222,7 @@ impl IdentificationCoverage {
                     && goal.is_none_or(|goal| error_most <= goal),
             }
         };
-        NAMES.into_iter().enumerate().map(of).collect()
+        PARAMETERS.into_iter().enumerate().map(of).collect()
     }
 }
 

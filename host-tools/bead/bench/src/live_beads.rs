@@ -51,11 +51,7 @@ impl LiveBeads {
         image: &Path,
     ) -> Result<Self, BenchError> {
         let solution = simulate_with_ring_down(scenario)?;
-        let timing = Timing {
-            lead_in: LEAD_IN,
-            strikes: 1,
-            interval: 1.0,
-        };
+        let timing = Timing::once(LEAD_IN);
         let placed = several::placed(
             beads,
             &Crystals::Each(vec![0.0]),

@@ -12,54 +12,54 @@ use bead_compare::sensed::{Sensed, Timing};
 /// Time after the last strike, s: a meter measures three of five scans that come, so it lags behind a window.
 const TAIL: f64 = 0.02;
 
-/// A strike as it would be recorded: the samples of the first window, and its result.
+/// The results of a meter in their order, and the samples of the first window.
 #[derive(Default)]
-struct FirstWindow {
-    chunks: Vec<Chunk>,
-    strike: Option<Strike>,
+pub(crate) struct MeterOutput {
+    first: Vec<Waveform>,
+    pub(crate) reports: Vec<(Strike, Shape)>,
 }
 
-impl Sink for FirstWindow {
+impl Sink for MeterOutput {
     fn chunk(&mut self, chunk: &Chunk) {
-        if self.strike.is_none() {
-            self.chunks.push(chunk.clone());
+        if self.reports.is_empty() {
+            self.first.push(chunk.into());
         }
     }
 
-    fn report(&mut self, strike: &Strike, _: &Shape) {
-        self.strike.get_or_insert(*strike);
+    fn report(&mut self, strike: &Strike, shape: &Shape) {
+        self.reports.push((*strike, *shape));
     }
+}
+
+/// What the bead's code makes of the strikes of a simulated chain.
+fn output(
+    settings: &Settings,
+    front_end: &AnalogFrontEnd,
+    (solution, bead): (&Solution, usize),
+    timing: Timing,
+    seed: u64,
+) -> MeterOutput {
+    let sensed = Sensed::new(solution, bead, timing);
+    let codes = front_end.digitise(&sensed, timing.scans(solution.end() + TAIL), Some(seed));
+    let mut output = MeterOutput::default();
+    // The first scan has the index 1, as on the bead.
+    Meter::new().process(settings, 1, codes.scans.into_iter().map(Scan::new), &mut output);
+    output
 }
 
 /// The first strike of a bead with these settings, as a recording would have it. `None` if it finds none.
 pub fn recorded(
     settings: &Settings,
     front_end: &AnalogFrontEnd,
-    (solution, bead): (&Solution, usize),
+    bead: (&Solution, usize),
     timing: Timing,
     seed: u64,
 ) -> Option<RecordedStrike> {
-    let sensed = Sensed::new(solution, bead, timing);
-    let codes = front_end.digitise(&sensed, timing.scans(solution.end() + TAIL), Some(seed));
-    let (mut meter, mut first) = (Meter::new(), FirstWindow::default());
-    meter.process(settings, 1, codes.scans.into_iter().map(Scan::new), &mut first);
-    let mut strike = RecordedStrike::new(0, first.strike?);
+    let output = output(settings, front_end, bead, timing, seed);
+    let mut strike = RecordedStrike::new(0, output.reports.first()?.0);
     strike.settings = Some(*settings);
-    for chunk in &first.chunks {
-        strike.push(&Waveform::from(chunk));
-    }
+    output.first.iter().for_each(|waveform| strike.push(waveform));
     Some(strike)
-}
-
-/// Results in the order in which the meter gives them.
-struct Reports(Vec<(Strike, Shape)>);
-
-impl Sink for Reports {
-    fn chunk(&mut self, _: &Chunk) {}
-
-    fn report(&mut self, strike: &Strike, shape: &Shape) {
-        self.0.push((*strike, *shape));
-    }
 }
 
 /// The results of a bead with these settings for the first window after each strike of a simulated chain. A
@@ -67,19 +67,15 @@ impl Sink for Reports {
 pub fn measured(
     settings: &Settings,
     front_end: &AnalogFrontEnd,
-    (solution, bead): (&Solution, usize),
+    bead: (&Solution, usize),
     timing: Timing,
     seed: u64,
 ) -> Vec<(Strike, Shape)> {
-    let sensed = Sensed::new(solution, bead, timing);
-    let codes = front_end.digitise(&sensed, timing.scans(solution.end() + TAIL), Some(seed));
-    let (mut meter, mut reports) = (Meter::new(), Reports(Vec::new()));
-    // The first scan has the index 1, as on the bead.
-    meter.process(settings, 1, codes.scans.into_iter().map(Scan::new), &mut reports);
+    let mut reports = output(settings, front_end, bead, timing, seed).reports;
     let (starts, mut begun) = (timing.starts(1.0), 0);
-    reports.0.retain(|(strike, _)| {
+    reports.retain(|(strike, _)| {
         let now = starts.partition_point(|start| *start <= strike.trigger_index as f64);
         std::mem::replace(&mut begun, now) != now
     });
-    reports.0
+    reports
 }

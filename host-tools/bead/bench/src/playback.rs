@@ -9,7 +9,7 @@ pub(super) type WithOtherNoise = Arc<dyn Fn(u64) -> Vec<[u16; 4]> + Send + Sync>
 pub(super) struct Playback {
     rows: Vec<[u16; 4]>,
     /// Number of codes that were taken.
-    taken: u64,
+    pub(super) taken: u64,
     /// Seed of the noise and what digitises with another one; `None` without noise.
     noise: Option<(u64, WithOtherNoise)>,
 }
@@ -22,11 +22,6 @@ impl Playback {
             taken: 0,
             noise,
         }
-    }
-
-    /// Number of codes that were taken.
-    pub(super) fn taken(&self) -> u64 {
-        self.taken
     }
 
     pub(super) fn take(&mut self, count: u64) -> Vec<[u16; 4]> {
@@ -63,7 +58,7 @@ mod tests {
             taken.extend(noisy.take(count));
         }
         assert_eq!(taken, expected);
-        assert_eq!(noisy.taken(), 9);
+        assert_eq!(noisy.taken, 9);
         assert_eq!(quiet.take(9), rows(7).repeat(3));
     }
 }

@@ -411,12 +411,11 @@ fn provoked(planned: &[Planned], outcomes: &[FaultOutcome]) -> Vec<ProvokedFault
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::faults::tests::planned;
 
     #[test]
     fn strikes_under_a_force_sensor_that_stands_still_are_hidden_and_others_are_not() {
-        let faults = "[[fault]]\nat = 0.5\nduration = 0.25\nkind = \"force_stuck\"\n\
-                      [[fault]]\nat = 1.2\nduration = 0.25\nkind = \"acceleration_stuck\"";
-        let faults = crate::faults::parse(faults, "f.toml").unwrap();
+        let faults = planned("force_stuck 0.5 duration=0.25; acceleration_stuck 1.2 duration=0.25");
         // One every 0.1 s: at 0.5, 0.6 and 0.7 s the sensor stands still.
         let starts: Vec<f64> = (0..20).map(|strike| 1e4 * f64::from(strike)).collect();
         assert_eq!(hidden(&faults, &starts), 3);
@@ -451,30 +450,18 @@ mod tests {
     #[test]
     fn a_strike_beyond_a_sensor_is_no_pass_and_names_the_sensors_that_reach_further() {
         let [weak, strong] = [Sensors::Weak, Sensors::Strong].map(Sensors::front_end);
+        let further = "sensors = \"strong\" under [front_end] of the scenario reaches to 1488 N";
+        let [force, acceleration] = ["force_railed", "acceleration_railed"];
         for (flag, front_end, parts) in [
-            (
-                "force_railed",
-                weak,
-                [
-                    "reaches to 248 N",
-                    "sensors = \"strong\" under [front_end] of the scenario reaches to 1488 N",
-                ],
-            ),
-            (
-                "acceleration_railed",
-                weak,
-                ["A is too low", "reaches to 23988 m/s²"],
-            ),
-            ("force_railed", strong, ["B is too low", "give a wider span"]),
+            (force, weak, ["reaches to 248 N", further]),
+            (acceleration, weak, ["A is too low", "reaches to 23988 m/s²"]),
+            (force, strong, ["B is too low", "give a wider span"]),
         ] {
-            let strike = MeasuredStrike {
-                flags: vec![flag],
-                ..MeasuredStrike::default()
-            };
             let mut report = RunReport {
-                strikes: vec![strike],
+                strikes: vec![MeasuredStrike::default()],
                 ..RunReport::default()
             };
+            report.strikes[0].flags.push(flag);
             report.out_of_range = out_of_range(&report, &front_end);
             let why = report.verdict(1).unwrap_err().to_string();
             assert!(parts.iter().all(|part| why.contains(part)), "{why}");

@@ -357,12 +357,8 @@ mod tests {
         let tables = tables.unwrap();
         assert_eq!(tables.wires().unwrap()[0].gain, 1.0 / 16.0);
         let mut front_end = tables.front_end.front_end().unwrap();
-        assert!(
-            front_end
-                .channels_mut()
-                .into_iter()
-                .all(|channel| channel.noise_rms == 0.0)
-        );
+        let mut channels = front_end.channels_mut().into_iter();
+        assert!(channels.all(|channel| channel.noise_rms == 0.0));
     }
 
     #[test]
@@ -386,22 +382,14 @@ mod tests {
             let refused = read(&table.replacen(' ', "\n", 1)).unwrap_err();
             assert!(refused.starts_with(&place) && refused.contains(why), "{refused}");
         }
-        for (wire, why) in [
-            (
-                "from = 'PA0'\nto = 'PA0'",
-                r#"[0].from: no analog wire is at "PA0"; give one of PA4, PA5"#,
-            ),
-            (
-                "from = 'PA4'\nto = 'PA4'",
-                r#"[0].to: no analog wire is at "PA4"; give one of PA0, PA1"#,
-            ),
-            (
-                "from = 'PA4'\nto = 'PA0'\ndivider = 0",
-                "[0].divider: 0 is out of range; give a number from 1",
-            ),
-        ] {
-            let refused = read(&format!("[[analog_wire]]\n{wire}")).unwrap_err();
-            assert!(refused.contains(&format!("analog_wire{why}")), "{refused}");
+        const WIRES: &str = "\
+from = 'PA0', to = 'PA0' | from: no analog wire is at \"PA0\"; give one of PA4, PA5
+from = 'PA4', to = 'PA4' | to: no analog wire is at \"PA4\"; give one of PA0, PA1
+from = 'PA4', to = 'PA0', divider = 0 | divider: 0 is out of range; give a number from 1";
+        for line in WIRES.lines() {
+            let (wire, why) = line.split_once(" | ").unwrap();
+            let refused = read(&format!("[[analog_wire]]\n{}", wire.replace(", ", "\n"))).unwrap_err();
+            assert!(refused.contains(&format!("analog_wire[0].{why}")), "{refused}");
         }
         let both = read("[clock]\nppm = [1.0]\nspread = 100.0").unwrap_err();
         assert!(both.contains("clock.spread: stands beside ppm"), "{both}");

@@ -4,10 +4,10 @@ use std::time::{Duration, Instant};
 
 use bead_line::conversation::{Conversation, LineError};
 use bead_model::Settings;
-use bead_model::settings::BLOCK_MAX;
 use bead_wire::{Block, Identity, Message, Outcome, Request, ResetCauses, SettingsSource};
 
 use super::report::CheckRow;
+use crate::emulation::block_of;
 
 const SETTINGS: &str = "settings";
 pub(super) const WATCHDOG: &str = "watchdog";
@@ -41,9 +41,7 @@ fn source(bead: &mut Conversation) -> Result<SettingsSource, LineError> {
 fn changed(before: &[u8]) -> Option<Vec<u8>> {
     let mut description = *Settings::decode(before).ok()?.description();
     description.capture.threshold *= 1.25;
-    let mut block = [0; BLOCK_MAX];
-    let length = Settings::new(&description).ok()?.encode(&mut block).ok()?;
-    Some(block[..length].to_vec())
+    block_of(&Settings::new(&description).ok()?).ok()
 }
 
 /// Writes a block. A bead whose store is full makes room when it starts. Returns how often it was reset for

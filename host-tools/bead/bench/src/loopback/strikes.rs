@@ -3,12 +3,13 @@
 use bead_compare::replay::replay;
 use bead_line::conversation::{Conversation, LineError};
 use bead_model::made_up::{REST, played};
-use bead_model::{Chunk, Meter, Scan, Settings, Shape, Sink, Strike, StrikeFlags};
+use bead_model::{Meter, Scan, Settings, Strike, StrikeFlags};
 use bead_recording::strikes::{RecordedStrike, assemble};
 use bead_wire::{Message, Played, Request};
 
 use super::levels::Levels;
 use super::report::CheckRow;
+use crate::model_bead::MeterOutput;
 
 /// Strikes of a train, and the time from one to the next, ms.
 pub(super) const TRAIN: u32 = 6;
@@ -34,17 +35,6 @@ pub(super) struct Expected {
     strike: Strike,
 }
 
-#[derive(Default)]
-struct First(Option<Strike>);
-
-impl Sink for First {
-    fn chunk(&mut self, _: &Chunk) {}
-
-    fn report(&mut self, strike: &Strike, _: &Shape) {
-        self.0.get_or_insert(*strike);
-    }
-}
-
 impl Expected {
     /// `None` if nothing triggers with these settings.
     pub(super) fn of(settings: &Settings, levels: &Levels) -> Option<Self> {
@@ -63,9 +53,9 @@ impl Expected {
             .chain(played().map(scan))
             .chain(rest(AFTER))
             .collect();
-        let mut first = First::default();
-        Meter::new().process(settings, 0, scans, &mut first);
-        let strike = first.0?;
+        let mut output = MeterOutput::default();
+        Meter::new().process(settings, 0, scans, &mut output);
+        let (strike, _) = *output.reports.first()?;
         Some(Self {
             trigger: strike.trigger_index as i64 - BEFORE as i64,
             strike,

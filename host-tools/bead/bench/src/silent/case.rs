@@ -5,13 +5,12 @@ use std::path::Path;
 use bead_instrument::Waveform;
 use bead_instrument::trace::Trace;
 use bead_model::design::Description;
-use bead_model::settings::BLOCK_MAX;
 use bead_wire::{Message, StrikeFlags};
 use hertz_chain::{Scenario, Solution};
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use crate::emulation::{Emulation, Placed};
+use crate::emulation::{Emulation, Placed, block_of};
 use crate::error::BenchError;
 use crate::faults::Planned;
 use bead_compare::drift::Drift;
@@ -108,10 +107,7 @@ impl SilentCase {
         let mut run = Emulation::play(&solution, placed, &self.front_end, timing, image, waveform, truth)?;
         let stated = run.settings.with(|description| (self.state)(description));
         run.settings = stated.map_err(|error| BenchError::unfit("no settings state this case", error))?;
-        let mut block = [0; BLOCK_MAX];
-        let length = run.settings.encode(&mut block);
-        let length = length.map_err(|error| BenchError::unfit("cannot encode the settings", error))?;
-        run.block = block[..length].to_vec();
+        run.block = block_of(&run.settings)?;
         run.faults.clone_from(&self.faults);
         let frames = run.run()?.whole()?.frames;
         let counted = frames.iter().rev().find_map(|frame| match &frame.message {
@@ -140,20 +136,12 @@ impl SilentCase {
             let judged = strikes
                 .iter()
                 .filter(|said| said.flags.has(self.named_by) == named);
-            judged.fold(None, |most: Option<[f64; 2]>, said| {
-                let off = [said.absorbed_measured, said.absorbed_predicted]
-                    .map(|energy| energy.joules() / absorbed - 1.0);
-                Some(match most {
-                    Some(most) => [0, 1].map(|at| {
-                        if off[at].abs() > most[at].abs() {
-                            off[at]
-                        } else {
-                            most[at]
-                        }
-                    }),
-                    None => off,
-                })
-            })
+            let off = judged.map(|said| {
+                [said.absorbed_measured, said.absorbed_predicted]
+                    .map(|energy| energy.joules() / absorbed - 1.0)
+            });
+            let further = |one: f64, other: f64| if other.abs() > one.abs() { other } else { one };
+            off.reduce(|most, off| [0, 1].map(|at| further(most[at], off[at])))
         };
         let unexplained = errors(false);
         let reported = [strikes.len(), counted.unwrap_or(0)];
