@@ -35,3 +35,14 @@ pub(crate) fn campaign(steps: &Steps, words: &[&String]) -> Result<(), Stop> {
     let line = words.iter().fold(line, |line, word| line.arg(word.as_str()));
     steps.run("scripts of faults", &line)
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    #[test]
+    fn the_program_that_runs_the_scripts_is_there() {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+        assert!(root.join("fuzz/examples/campaign.rs").is_file());
+    }
+}
