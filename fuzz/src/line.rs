@@ -39,7 +39,8 @@ pub fn from_cobs(run: &[u8]) -> Option<Vec<u8>> {
 /// The bytes of a run that its checksum covers: a header of so many bytes, and a body.
 ///
 /// # Errors
-/// The run has more bytes than `most` with its two delimiters, or is no COBS of a header and a right checksum.
+/// The run has more bytes than `most` with its two delimiters, or is no COBS of a header and a right
+/// checksum.
 pub fn covered(run: &[u8], most: usize, header: usize) -> Result<Vec<u8>, Cause> {
     if run.len() > most - 2 {
         return Err(Cause::TooLong);

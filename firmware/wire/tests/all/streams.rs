@@ -50,8 +50,8 @@ proptest! {
             flipped[bit / 8] ^= 1 << (bit % 8);
             let mut decoder = Decoder::new();
             let (sequences, rejects) = decode(&mut decoder, &[&before[..], &flipped, &after].concat());
-            // After a run of 254 bytes the last COBS code may carry nothing. Then a flip in it leaves the frame
-            // as it is.
+            // After a run of 254 bytes the last COBS code may carry nothing. Then a flip in it leaves the
+            // frame as it is.
             if bit / 8 == damaged.len() - 2 && sequences == [sequence, sequence + 1, sequence + 2] {
                 continue;
             }

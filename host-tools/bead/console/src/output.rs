@@ -144,8 +144,8 @@ pub fn either(holds: bool, yes: &str, no: &str) -> String {
     (if holds { yes } else { no }).to_owned()
 }
 
-/// A number with this many significant digits and U+2212 for minus. Powers of ten outside of `plain` are written
-/// with an exponent.
+/// A number with this many significant digits and U+2212 for minus. Powers of ten outside of `plain` are
+/// written with an exponent.
 pub fn significant(value: f64, digits: i32, plain: Range<i32>) -> String {
     let decade = if value == 0.0 {
         0

@@ -33,7 +33,8 @@ impl Evaluation {
         }
     }
 
-    /// Adds to some own numbers the derivatives of a row that depends on one of them alone, in a straight line.
+    /// Adds to some own numbers the derivatives of a row that depends on one of them alone, in a straight
+    /// line.
     pub(crate) fn push_unit(&mut self, numbers: Range<usize>, one: usize) {
         for number in numbers {
             self.own[number].push(f64::from(u8::from(number == one)));

@@ -52,8 +52,8 @@ pub struct StrikeNormal {
 }
 
 impl StrikeNormal {
-    /// The equations of a whitened evaluation; `damping` (Marquardt's λ) applies to its own numbers. `None` if these
-    /// cannot be told apart.
+    /// The equations of a whitened evaluation; `damping` (Marquardt's λ) applies to its own numbers. `None`
+    /// if these cannot be told apart.
     pub fn new(evaluation: &Evaluation, damping: f64) -> Option<Self> {
         let residuals = &evaluation.residuals;
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();

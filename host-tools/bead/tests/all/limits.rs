@@ -33,8 +33,8 @@ fn limit(quantity: &str, of: &str) -> String {
     format!("[[limit]]\nquantity = \"{quantity}\"\n{of}\n")
 }
 
-/// Holds a row: the quantity behind keys of the whole file, the keys of its limit, a file of uncertainties, the
-/// outcome, and a part of the message.
+/// Holds a row: the quantity behind keys of the whole file, the keys of its limit, a file of uncertainties,
+/// the outcome, and a part of the message.
 fn hold(folder: &TestFolder, row: &str) {
     let [quantity, keys, stated, outcome, part] = fields(row);
     let (top, quantity) = quantity.rsplit_once("; ").unwrap_or(("", quantity));

@@ -14,8 +14,8 @@ const TOGETHER: u64 = 4096;
 /// Bodies in memory at a time, some 500 B each.
 const BODIES: usize = 1 << 20;
 
-/// Runs the points of a range on all threads of the current pool, and hands their rows on in order. `progress`
-/// gets the number of points done. The row of a point that cannot be run holds the reason.
+/// Runs the points of a range on all threads of the current pool, and hands their rows on in order.
+/// `progress` gets the number of points done. The row of a point that cannot be run holds the reason.
 ///
 /// # Errors
 /// Those of `take`.

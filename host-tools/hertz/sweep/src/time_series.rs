@@ -103,8 +103,8 @@ fn table<'a>(
 /// are held in memory, so the chain may have any length.
 ///
 /// # Errors
-/// The rate is no positive number, gives no second row or cannot show the scenario's drive, the scenario cannot
-/// be run, or the file cannot be written.
+/// The rate is no positive number, gives no second row or cannot show the scenario's drive, the scenario
+/// cannot be run, or the file cannot be written.
 pub fn write(
     scenario: &Scenario,
     options: &Options<'_>,
