@@ -28,26 +28,25 @@ pub(crate) enum ValueRange {
 }
 
 impl ValueRange {
-    /// True if the range holds a value, the end of the sentence "value is" for any other, and advice.
-    fn judge(self, value: f64) -> (bool, &'static str, String) {
+    /// True if the range holds a value, the end of the sentence "value is" for any other, and both parts of
+    /// the advice.
+    fn judge(self, value: f64) -> (bool, &'static str, [&'static str; 2]) {
         match self {
             Self::Positive(unit) => (
                 value.is_finite() && value > 0.0,
                 "not a positive number",
-                format!("give a number above zero in {unit}"),
+                ["give a number above zero in ", unit],
             ),
             Self::NotNegative(advice) => (
                 value.is_finite() && value >= 0.0,
                 "not zero or a positive number",
-                format!("give {advice}"),
+                ["give ", advice],
             ),
-            Self::AnySign(complement, unit) => {
-                (value.is_finite(), complement, format!("give a number in {unit}"))
-            }
+            Self::AnySign(complement, unit) => (value.is_finite(), complement, ["give a number in ", unit]),
             Self::Poisson => (
                 value > -1.0 && value <= 0.5,
                 "no Poisson's ratio",
-                "give a number above -1 and at most 0.5, such as 0.44".to_owned(),
+                ["give a number above -1 and at most 0.5, such as ", "0.44"],
             ),
         }
     }
@@ -386,7 +385,7 @@ impl TableCheck {
         let Some(value) = value.into() else { return Ok(()) };
         let (holds, complement, advice) = range.judge(value);
         if !holds {
-            return Err(self.error(key, format!("{value} is {complement}"), advice));
+            return Err(self.error(key, format!("{value} is {complement}"), advice.concat()));
         }
         if value == 0.0 || matches!(range, Poisson) || SIZES.contains(&value.abs()) {
             return Ok(());
