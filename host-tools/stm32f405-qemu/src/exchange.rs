@@ -27,7 +27,7 @@ use crate::given::{Inputs, Run};
 use crate::outcome::{Sampling, StretchWork};
 
 /// Changes with every change of these files.
-pub(crate) const FORMAT: u32 = 19;
+pub(crate) const FORMAT: u32 = 20;
 
 pub(crate) const DESCRIPTION: &str = "run.json";
 /// Rows of four little-endian u16: the codes of ADC channels 0 to 3.

@@ -87,7 +87,7 @@ fn part(steps: &Steps) -> Result<(), Stop> {
 }
 
 /// The end-to-end tests that depend on the core's speed.
-const SPEED_MATTERS: &str = "strikes:: faults:: link::";
+const SPEED_MATTERS: &str = "strikes:: faults::";
 
 /// Jobs that depend on the core's speed, once more with 16 ns an instruction instead of 8: 2.7 clocks, about
 /// the most that the core can take (docs/emulator.md).

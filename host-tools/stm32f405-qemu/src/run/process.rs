@@ -216,8 +216,10 @@ impl Ended {
             return Err(RunError::OverlayFailed(panic));
         }
         if let Ok(json) = std::fs::read(folder.path(exchange::OUTCOME)) {
-            let outcome: Outcome = serde_json::from_slice(&json)
-                .map_err(|e| RunError::Qemu(self.status, format!("its report cannot be read ({e})")))?;
+            let outcome: Outcome = serde_json::from_slice(&json).map_err(|e| {
+                let why = format!("its report cannot be read ({e}): is the overlay of another build?");
+                RunError::Qemu(self.status, why)
+            })?;
             let end = match outcome.end {
                 // An image that ends itself does so without a word.
                 RunEnd::Exited(_) if first("terminating on signal").is_none() => {
