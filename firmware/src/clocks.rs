@@ -73,7 +73,7 @@ pub(crate) enum NoClock {
 
 impl NoClock {
     /// The fault to report, and the line about it.
-    pub(crate) fn told(&self) -> (FaultCause, Detail) {
+    pub(crate) fn fault(&self) -> (FaultCause, Detail) {
         match self {
             Self::Silent => (
                 FaultCause::CrystalFailed,

@@ -121,7 +121,7 @@ fn start() {
             FaultCause::SupplyLow,
             "the supply was not good for 20 ms within 5 s: the bead started all the same".into(),
         )),
-        source.as_ref().err().map(NoClock::told),
+        source.as_ref().err().map(NoClock::fault),
     ];
     if let Err(why) = &source {
         let stands = match why {

@@ -8,8 +8,8 @@ use bead_update::manifest::{HASH, Manifest, hash};
 use bead_update::reception::Reception;
 use bead_update::swap::{Images, Running, prepare};
 
-/// A bead whose flash has pages of `PAGE` bytes, and its images. What is done to its flash gives `None` where
-/// the power goes.
+/// A bead whose flash has pages of `PAGE` bytes, and its images. An operation gives `None` if the power is
+/// cut in it.
 struct Bench<const PAGE: usize> {
     /// One page for the state, two for the image that runs, three for the other. Pages before and behind
     /// belong to others: a write there panics.
@@ -47,7 +47,7 @@ impl<const PAGE: usize> Bench<PAGE> {
         let Layout { state, active, spare } = &self.layout;
         let mut flash = PowerCutFlash::blank(8);
         flash.bytes[active.start as usize..active.end as usize].copy_from_slice(&self.old);
-        // Something of an update before.
+        // Left by an earlier update.
         flash.bytes[spare.start as usize + 100..][..PAGE].fill(0x3C);
         flash.writable = state.start..spare.end;
         flash

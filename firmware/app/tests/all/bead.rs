@@ -467,7 +467,7 @@ impl TestBead {
         let bytes = encode_request(ANY, number, request, &mut buffer).expect("it fits");
         self.receive(bytes);
         for _ in 0..150 {
-            let mut told: Vec<Message> = self.running.told().skip(before).cloned().collect();
+            let mut told: Vec<Message> = self.running.messages().skip(before).cloned().collect();
             if let Some(at) = told
                 .iter()
                 .position(|message| matches!(message, Message::Reply(_)))
@@ -614,8 +614,8 @@ impl RunningBead {
         self.strikes().split_off(before)
     }
 
-    /// The messages that were told.
-    pub(crate) fn told(&self) -> impl Iterator<Item = &Message> {
+    /// The messages that the bead sent.
+    pub(crate) fn messages(&self) -> impl Iterator<Item = &Message> {
         self.frames.iter().map(|(_, message)| message)
     }
 
@@ -624,7 +624,7 @@ impl RunningBead {
     where
         &'a B: TryFrom<&'a Message>,
     {
-        bodies(self.told())
+        bodies(self.messages())
     }
 
     pub(crate) fn strikes(&self) -> Vec<Strike> {
@@ -637,7 +637,7 @@ impl RunningBead {
         replies.map(|reply| (reply.request, reply.outcome)).collect()
     }
 
-    /// Causes and details of the faults that were told.
+    /// Causes and details of the faults that the bead reported.
     pub(crate) fn faults(&self) -> Vec<(FaultCause, String)> {
         let faults = self.all::<Fault>();
         faults
@@ -649,10 +649,10 @@ impl RunningBead {
         self.all::<Fault>().map(|fault| fault.cause).collect()
     }
 
-    /// The blocks of settings that were told, each once in a row.
+    /// The blocks of settings that the bead sent, without repeats in a row.
     pub(crate) fn blocks(&self) -> Vec<Vec<u8>> {
         let settings = self.all::<bead_wire::Settings>();
-        let mut blocks: Vec<_> = settings.map(|told| told.block.bytes().to_vec()).collect();
+        let mut blocks: Vec<_> = settings.map(|sent| sent.block.bytes().to_vec()).collect();
         blocks.dedup();
         blocks
     }

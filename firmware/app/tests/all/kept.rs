@@ -22,7 +22,7 @@ fn strikes_are_listed_and_fetched_as_they_were_sent_until_newer_ones_take_their_
     assert_eq!(bead.outcome(&fetch(kept[0] - 1)), Outcome::NotKept);
     assert_eq!(bead.outcome(&fetch(40)), Outcome::NotKept);
     for strike in [kept[0], 39] {
-        let sent = bead.running.told().filter(|message| match message {
+        let sent = bead.running.messages().filter(|message| match message {
             Message::Waveform(waveform) => waveform.strike == strike,
             Message::Strike(told) => told.strike == strike,
             Message::Shape(shape) => shape.strike == strike,

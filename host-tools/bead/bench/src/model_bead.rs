@@ -31,7 +31,7 @@ impl Sink for MeterOutput {
     }
 }
 
-/// What the bead's code makes of the strikes of a simulated chain.
+/// Runs the bead's code on the strikes of a simulated chain, as its front end digitises them.
 fn output(
     settings: &Settings,
     front_end: &AnalogFrontEnd,

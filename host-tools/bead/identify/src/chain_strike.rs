@@ -165,9 +165,7 @@ impl StrikeModel for ChainStrike {
     }
 
     fn own(&self) -> Vec<f64> {
-        let mut own = self.start.to_vec();
-        own.resize(2 + self.channels.series.len(), 0.0);
-        own
+        self.channels.with_zeros(&self.start)
     }
 
     fn evaluate(&self, values: &Values, own: &[f64], with_shared: bool) -> Result<Evaluation, String> {
@@ -193,7 +191,7 @@ impl StrikeModel for ChainStrike {
             if !series.channel.is_force() {
                 gains.reverse();
             }
-            // What is computed, over the gain, is what the codes show.
+            // The codes show the computed signal, divided by the gain.
             let [own_gain, other_gain] = gains;
             let gain = values[own_gain];
             let since = (at as f64 - own[1]) / rate + series.delay;

@@ -88,6 +88,11 @@ impl ExplainedChannels {
         })
     }
 
+    /// These own numbers of a strike, and then the zero of each channel.
+    pub(crate) fn with_zeros(&self, start: &[f64]) -> Vec<f64> {
+        [start, &vec![0.0; self.series.len()]].concat()
+    }
+
     /// Whitens the rows of the samples, stretch by stretch, and returns those behind them.
     pub(crate) fn whiten<'c>(&self, mut column: &'c mut [f64]) -> &'c mut [f64] {
         for (series, noise) in &self.series {

@@ -194,9 +194,7 @@ impl StrikeModel for RingDown {
     }
 
     fn own(&self) -> Vec<f64> {
-        let mut own = self.start.to_vec();
-        own.resize(2 + self.channels.series.len(), 0.0);
-        own
+        self.channels.with_zeros(&self.start)
     }
 
     fn evaluate(&self, values: &Values, own: &[f64], _with_shared: bool) -> Result<Evaluation, String> {

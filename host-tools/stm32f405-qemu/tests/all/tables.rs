@@ -60,7 +60,7 @@ fn read(path: &Path) -> String {
     std::fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
 
-/// What all parts that have the metadata of one share.
+/// The metadata that a part shares with others.
 fn shared(metapac: &Path, chip: &str) -> String {
     let name = between(chip, "include!(\"../", "\")");
     read(&metapac.join("src/chips").join(name))
