@@ -15,7 +15,9 @@ use crate::{boards, checks, demo, image, lint, mutants, python, suite, wheel};
 
 /// Runs every check.
 pub(crate) fn test(steps: &Steps) -> Result<(), Stop> {
-    steps.announce("every check: some ten minutes on two cores if nothing is compiled yet, six if all is");
+    steps.announce(
+        "every check: some half an hour on two cores if nothing is compiled yet, a quarter if all is",
+    );
     setup(steps, Need::Check)?;
     lint::text(steps)?;
     image::build_if_there_is_one(steps)?;

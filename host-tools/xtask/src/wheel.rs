@@ -22,7 +22,7 @@ pub(crate) fn wheel(steps: &Steps) -> Result<(), Stop> {
     // One of another version would be installed too.
     let _ = std::fs::remove_dir_all(&wheels);
     let build = CommandLine::program(tools.join("maturin"))
-        .words("build --release --strip --manifest-path")
+        .words("build --release --strip --features beside-bead --manifest-path")
         .arg(format!("{PACKAGE}/Cargo.toml"))
         .words("--out")
         .arg(&wheels);
