@@ -314,7 +314,7 @@ fn an_image_is_flashed_over_the_line_refused_and_taken_back_from_the_command_lin
         // A line that was cut: the bead waits for the rest, and takes the whole anew.
         let open = || {
             let address = bead.address.parse().unwrap_or_else(|error| panic!("{error}"));
-            Conversation::open(&address, 0, ANY, Duration::from_secs(5))
+            Conversation::open(&address, 0, ANY, Duration::from_secs(60))
                 .unwrap_or_else(|error| panic!("{error}"))
         };
         let mut line = open();

@@ -13,8 +13,8 @@ pub(crate) fn strike_chart(traces: &Traces) -> Chart {
         let chain = over_ms(of(|point| point.simulated), 1.0);
         let bead = over_ms(of(|point| point.sensed), 1.0);
         let curves = vec![
-            curve(simulated, Ink::Chain, Mark::Broad, chain),
-            curve(sensed, Ink::Sensed, Mark::Dots, bead),
+            Series::new(simulated, Ink::Chain, Mark::Broad, chain),
+            Series::new(sensed, Ink::Sensed, Mark::Dots, bead),
         ];
         Panel::new(y_label, curves).height(165)
     };
@@ -22,7 +22,7 @@ pub(crate) fn strike_chart(traces: &Traces) -> Chart {
     let unit = EnergyUnit::of(chain.last().map(|last| last.chain));
     let energy = |name: &str, ink, mark, points: &[AbsorbedPoint], value: fn(&AbsorbedPoint) -> f64| {
         let points = points.iter().map(|point| (point.time, value(point)));
-        curve(name, ink, mark, over_ms(points, unit.scale))
+        Series::new(name, ink, mark, over_ms(points, unit.scale))
     };
     let [a, b] = ["A, measured by the acceleration", "B, predicted from the force"];
     let [measured, predicted] = &traces.device;
@@ -48,7 +48,7 @@ pub(crate) fn residual_chart(traces: &Traces) -> Chart {
         let off = points
             .iter()
             .map(|point| (point.time, point.sensed - point.simulated));
-        let off = curve(name, Ink::Sensed, Mark::Dots, over_ms(off, scale));
+        let off = Series::new(name, Ink::Sensed, Mark::Dots, over_ms(off, scale));
         Panel::new(y_label, vec![off]).height(140)
     };
     let last = traces.f64_samples[1].last().map_or(1.0, |last| last.chain);
@@ -65,7 +65,7 @@ pub(crate) fn residual_chart(traces: &Traces) -> Chart {
         ] {
             let error = |point: &AbsorbedPoint| (point.time, point.estimate - point.chain);
             let points = over_ms(curves[which].iter().map(error), 100.0 / last);
-            absorbed.push(curve(&format!("{estimate}, {by}"), ink, mark, points));
+            absorbed.push(Series::new(format!("{estimate}, {by}"), ink, mark, points));
         }
     }
     let (force, acceleration) = (&traces.force, &traces.acceleration);
@@ -97,20 +97,6 @@ pub(crate) fn time_axis([from, to]: [f64; 2]) -> Axis {
 pub(crate) fn ends<P>(points: &[P], time: fn(&P) -> f64) -> [f64; 2] {
     let ends = points.first().zip(points.last());
     ends.map_or([0.0, 1e-3], |(first, last)| [time(first), time(last)])
-}
-
-pub(crate) fn curve(
-    name: &str,
-    ink: Ink,
-    mark: Mark,
-    points: impl IntoIterator<Item = (f64, f64)>,
-) -> Series {
-    Series {
-        name: name.to_owned(),
-        ink,
-        mark,
-        points: points.into_iter().collect(),
-    }
 }
 
 /// Points over milliseconds, their values times `scale`, from points over seconds.

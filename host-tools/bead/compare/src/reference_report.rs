@@ -1,8 +1,8 @@
 //! The report of a strike against the record of another instrument.
 
-use hertz_charts::{Axis, Chart, Ink, Mark, Panel};
+use hertz_charts::{Axis, Chart, Ink, Mark, Panel, Series};
 
-use crate::pictures::{curve, ends, wide};
+use crate::pictures::{ends, wide};
 use crate::reference::{Absorbed, AgainstReference, AlignedPoint, AlignedQuantity, BothSides};
 use crate::report::{Chapter, EnergyUnit, Fact, Grid, GridCell, Report, number, percent, signed};
 
@@ -144,7 +144,7 @@ fn absorbed_row(name: &str, absorbed: &Absorbed, unit: EnergyUnit) -> Vec<GridCe
 fn chart(name: &str, unit: &str, points: &[AlignedPoint]) -> Chart {
     let series = |name: &str, ink, mark, of: fn(&AlignedPoint) -> f64| {
         let points = points.iter().map(|point| (point.time * 1e3, of(point)));
-        curve(name, ink, mark, points)
+        Series::new(name, ink, mark, points)
     };
     let both = vec![
         series("gain × reference", Ink::Chain, Mark::Broad, |at| at.reference),

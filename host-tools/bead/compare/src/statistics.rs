@@ -1,8 +1,8 @@
 //! All strikes of a recording together: mean, spread, where they lie, and how they change.
 
-use hertz_charts::{Axis, Chart, Ink, Mark, Panel};
+use hertz_charts::{Axis, Chart, Ink, Mark, Panel, Series};
 
-use crate::pictures::{curve, wide};
+use crate::pictures::wide;
 use crate::quantities::{DEVICE, QUANTITIES, StrikeQuantity, energy_unit};
 use crate::report::{Chapter, DASH, EnergyUnit, Grid, GridCell, percent_within};
 use crate::spread::{RunningMean, Spread, mean_uncertainty};
@@ -106,7 +106,7 @@ fn history(strikes: &[StrikeComparison]) -> Chart {
     let series = |name: &str, ink, mark, of: fn(&StrikeComparison) -> f64| {
         let shown = (0..).zip(strikes).step_by(every);
         let points = shown.map(|(n, strike)| (f64::from(n), of(strike) * 100.0));
-        curve(name, ink, mark, points)
+        Series::new(name, ink, mark, points)
     };
     let curves = vec![
         series("A, measured", Ink::Measured, Mark::Rings, |strike| {

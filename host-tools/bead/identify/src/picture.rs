@@ -13,16 +13,8 @@ const GAP: f64 = 1e-4;
 
 fn curve(name: &str, ink: Ink, mark: Mark, points: &[SignalSample], of: fn(&SignalSample) -> f64) -> Series {
     let is_shown = |point: &&SignalSample| (SHOWN[0]..SHOWN[1]).contains(&(1e3 * point.time));
-    Series {
-        name: name.to_owned(),
-        ink,
-        mark,
-        points: points
-            .iter()
-            .filter(is_shown)
-            .map(|point| (1e3 * point.time, of(point)))
-            .collect(),
-    }
+    let shown = points.iter().filter(is_shown);
+    Series::new(name, ink, mark, shown.map(|point| (1e3 * point.time, of(point))))
 }
 
 fn panels(label: &str, points: &[SignalSample]) -> [Panel; 2] {

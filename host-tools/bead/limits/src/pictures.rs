@@ -40,15 +40,6 @@ pub(crate) fn charts(recording: &JudgedRecording) -> Vec<Chart> {
         .collect()
 }
 
-fn series(name: &str, ink: Ink, mark: Mark, points: Vec<(f64, f64)>) -> Series {
-    Series {
-        name: name.to_owned(),
-        ink,
-        mark,
-        points,
-    }
-}
-
 fn values_panel(limit: &JudgedLimit) -> Panel {
     let shown = Shown::of(limit);
     let every = limit.points.len().div_ceil(SHOWN).max(1);
@@ -74,15 +65,15 @@ fn values_panel(limit: &JudgedLimit) -> Panel {
     };
     let levels = [level(limit.interval.min), level(limit.interval.max)];
     let mut curves = vec![
-        series("± U", Ink::Chain, Mark::Line, bars.flatten().collect()),
-        series(
+        Series::new("± U", Ink::Chain, Mark::Line, bars.flatten()),
+        Series::new(
             "limit",
             Ink::Guide,
             Mark::Dashed,
-            levels.into_iter().flatten().flatten().collect(),
+            levels.into_iter().flatten().flatten(),
         ),
-        series("kept", Ink::Sensed, Mark::Discs, values(false)),
-        series("broken", Ink::Predicted, Mark::Discs, values(true)),
+        Series::new("kept", Ink::Sensed, Mark::Discs, values(false)),
+        Series::new("broken", Ink::Predicted, Mark::Discs, values(true)),
     ];
     curves.retain(|curve| !curve.points.is_empty());
     let name = limit.quantity.replace('_', " ") + &shown.suffix();
@@ -97,19 +88,19 @@ fn spectrum(limit: &JudgedLimit) -> Chart {
             .collect()
     };
     let mut curves = vec![
-        series(
+        Series::new(
             "greatest of the strikes",
             Ink::Measured,
             Mark::Line,
             of(|point| Some(point.greatest)),
         ),
-        series(
+        Series::new(
             "upper limit",
             Ink::Predicted,
             Mark::Dashed,
             of(|point| point.limits.max),
         ),
-        series(
+        Series::new(
             "lower limit",
             Ink::Sensed,
             Mark::Dashed,

@@ -75,12 +75,6 @@ fn panel(trend: &QuantityTrend, days: &impl Fn(&TrendPoint) -> f64, from: f64, t
     } else {
         format!("{name} ({unit})")
     };
-    let series = |name: &str, ink, mark, points: Vec<(f64, f64)>| Series {
-        name: name.to_owned(),
-        ink,
-        mark,
-        points,
-    };
     let place = |point: &TrendPoint| (days(point), point.value * scale);
     let within = trend
         .points
@@ -93,12 +87,12 @@ fn panel(trend: &QuantityTrend, days: &impl Fn(&TrendPoint) -> f64, from: f64, t
         let within = 2.0 * point.u? * scale;
         Some([(at, value - within), (at, value + within), (at, f64::NAN)])
     });
-    let mut curves = vec![series("± 2 u", Ink::Chain, Mark::Line, bars.flatten().collect())];
+    let mut curves = vec![Series::new("± 2 u", Ink::Chain, Mark::Line, bars.flatten())];
     if let Some(limits) = trend.limits {
         let level = |value: f64| vec![(from, value * scale), (to, value * scale)];
         let both = [level(limits.lower), vec![(from, f64::NAN)], level(limits.upper)].concat();
-        curves.push(series("mean", Ink::Guide, Mark::Line, level(limits.centre)));
-        curves.push(series("mean ± 3 s", Ink::Guide, Mark::Dashed, both));
+        curves.push(Series::new("mean", Ink::Guide, Mark::Line, level(limits.centre)));
+        curves.push(Series::new("mean ± 3 s", Ink::Guide, Mark::Dashed, both));
     }
     let ink = match quantity {
         Quantity::Measured => Ink::Measured,
@@ -109,18 +103,9 @@ fn panel(trend: &QuantityTrend, days: &impl Fn(&TrendPoint) -> f64, from: f64, t
         .points
         .iter()
         .filter(|point| point.out_of_control == Some(true));
-    curves.push(series(
-        "",
-        ink,
-        Mark::Discs,
-        trend.points.iter().map(place).collect(),
-    ));
-    curves.push(series(
-        "out of control",
-        Ink::Text,
-        Mark::Rings,
-        beyond.map(place).collect(),
-    ));
+    curves.push(Series::new("", ink, Mark::Discs, trend.points.iter().map(place)));
+    let beyond = beyond.map(place);
+    curves.push(Series::new("out of control", Ink::Text, Mark::Rings, beyond));
     curves.retain(|curve| !curve.points.is_empty());
     let panel = Panel::new(label, curves).height(150);
     if are_bars {

@@ -39,15 +39,6 @@ pub fn chart(name: &str, beads: &[BeadSpectrum]) -> Chart {
     }
 }
 
-fn curve(name: &str, ink: Ink, mark: Mark, points: impl Iterator<Item = (f64, f64)>) -> Series {
-    Series {
-        name: name.to_owned(),
-        ink,
-        mark,
-        points: points.collect(),
-    }
-}
-
 /// Name, ink and mark of a curve, and its value at a point.
 type Curve = (&'static str, Ink, Mark, fn(&SpectrumPoint) -> Option<f64>);
 
@@ -77,7 +68,7 @@ fn spectrum(name: &str, unit: &str, points: &[SpectrumPoint]) -> Panel {
         vec![("", Ink::Measured, Mark::Line, |p| Some(p.mean))]
     };
     let curves = curves.into_iter();
-    let curves = curves.map(|(name, ink, mark, value)| curve(name, ink, mark, over(value)));
+    let curves = curves.map(|(name, ink, mark, value)| Series::new(name, ink, mark, over(value)));
     let mut curves: Vec<Series> = curves.collect();
     curves.retain(|curve| !curve.points.is_empty());
     Panel::new(format!("{name} ({unit})"), curves).log().height(360)
@@ -89,7 +80,7 @@ fn transfer(unit: &str, points: &[TransferPoint], note: String) -> Vec<Panel> {
             .iter()
             .filter_map(move |point| Some((point.frequency_hz, value(point)?)))
     };
-    let line = |value| vec![curve("", Ink::Measured, Mark::Line, over(value))];
+    let line = |value| vec![Series::new("", Ink::Measured, Mark::Line, over(value))];
     let mut panels = vec![
         Panel::new(
             format!("acceleration of force ({unit})"),

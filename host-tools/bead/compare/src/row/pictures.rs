@@ -1,9 +1,9 @@
 //! The pictures of a row: what its sensors felt, each at its place in the chain, and the energy along it.
 
 use hertz_chain::Curve;
-use hertz_charts::{Axis, Chart, Ink, Mark, Panel};
+use hertz_charts::{Axis, Chart, Ink, Mark, Panel, Series};
 
-use crate::pictures::{curve, time_axis, wide};
+use crate::pictures::{time_axis, wide};
 use crate::row::chain::RowChain;
 use crate::row::compare::RowComparison;
 use crate::row::energy::{After, EnergyAlong};
@@ -95,7 +95,7 @@ impl DrawnQuantity {
             let mark = if is_member(*bead) { Mark::Broad } else { Mark::Line };
             let at = |(time, value): &(f64, f64)| (time * 1e3, *bead as f64 + self.scale * value);
             let points = points.iter().map(at);
-            series.push(curve(name, Ink::Chain, mark, points));
+            series.push(Series::new(name, Ink::Chain, mark, points));
         }
         let mut name = "sensed by the beads";
         for (member, felt) in row.members.iter().zip(drawn(row)) {
@@ -105,7 +105,8 @@ impl DrawnQuantity {
                 ((point.time + late) * 1e3, member.bead as f64 + height)
             });
             let points = points.filter(|(time, _)| (from * 1e3..=to * 1e3).contains(time));
-            series.push(curve(std::mem::take(&mut name), Ink::Sensed, Mark::Line, points));
+            let name = std::mem::take(&mut name);
+            series.push(Series::new(name, Ink::Sensed, Mark::Line, points));
         }
         let [low, high] = self.range;
         Panel::new("place of the bead", series)
@@ -198,14 +199,14 @@ fn left(energy: &EnergyAlong) -> Option<Panel> {
     let by_b = points(&|one| is_own(one).then_some(one.left.by_b));
     let name = "simulated, rows of n intruders (Fig. 5)";
     let mut all = vec![
-        curve(name, Ink::Chain, Mark::Broad, in_rows),
-        curve("by the beads, A", Ink::Measured, Mark::Rings, by_a),
-        curve("by the beads, B", Ink::Predicted, Mark::Discs, by_b),
+        Series::new(name, Ink::Chain, Mark::Broad, in_rows),
+        Series::new("by the beads, A", Ink::Measured, Mark::Rings, by_a),
+        Series::new("by the beads, B", Ink::Predicted, Mark::Discs, by_b),
     ];
     if let Some(fit) = energy.fit.by_a {
         let power = points(&|one| Some(fit.initial * fit.transmission.powi(one.n as i32)));
         let name = format!("Tⁿ, T = {:.4}", fit.transmission);
-        all.push(curve(&name, Ink::Guide, Mark::Dashed, power));
+        all.push(Series::new(name, Ink::Guide, Mark::Dashed, power));
     }
     let panel = Panel::new("energy left, E(n) (%)", all);
     Some(panel.over(Axis::count("intruders n", 0..=most)).height(230))
@@ -217,7 +218,7 @@ fn transmission(energy: &EnergyAlong) -> Option<Panel> {
     let (first, last) = (after.get(1)?.bead?, after.last()?.bead?);
     let series = |name: &str, ink, mark, side: usize| {
         let point = |one: &After| Some((one.bead? as f64, one.transmission?.each()[side]?));
-        curve(name, ink, mark, after.iter().filter_map(point))
+        Series::new(name, ink, mark, after.iter().filter_map(point))
     };
     let all = vec![
         series("simulated, this row", Ink::Chain, Mark::Broad, 2),

@@ -6,6 +6,7 @@ use bead_model::design::{Capture, Description};
 use bead_model::settings::Settings;
 use bead_model::violation::SettingKey;
 use hertz_chain::{InputError, TomlFile};
+use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::Value;
 
@@ -13,16 +14,16 @@ use crate::physical::keys::{KEYS, KeyRow, TABLES};
 use crate::physical::refusal::refusal;
 use crate::physical::values::{shown, value};
 
-/// A change of one key.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+/// A key of the settings that changed.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Change {
     /// Its path.
     pub key: &'static str,
     /// Its unit.
     pub unit: &'static str,
-    /// The value before the change.
+    /// The value before; null if it was unknown.
     pub from: Value,
-    /// The value after it.
+    /// The value now.
     pub to: Value,
 }
 

@@ -6,7 +6,7 @@ use serde::Serialize;
 use super::design::{BeadRadius, Design, with_radii};
 use super::error::OptimiseError;
 use super::objective::Objective;
-use super::problem::{GAINED, Problem, SearchObserver, TriedDesign};
+use super::problem::{Problem, SearchObserver, TriedDesign};
 use super::remaining::{Remaining, struck_at};
 use super::search::Search;
 use super::spread::{Deviation, Spread, deviating};
@@ -262,7 +262,7 @@ impl Problem<'_> {
             let found = self.descend(start, &[self.bounds], self.left(), best.rival())?;
             // A descent whose evaluations were spent had no chance.
             let settled = found.settled;
-            let gained = found.excess < best.excess || found.value < best.value - GAINED;
+            let gained = found.gains_on(best);
             best.take(found);
             if !settled {
                 break;

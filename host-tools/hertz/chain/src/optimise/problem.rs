@@ -69,7 +69,7 @@ impl TriedDesign {
         self.betters(other, 0.0)
     }
 
-    /// Returns true if an exchange of springs or hosts from `other` to this design is useful.
+    /// Returns true if a change from `other` to this design is useful.
     pub(super) fn gains_on(&self, other: &Self) -> bool {
         self.betters(other, GAINED)
     }

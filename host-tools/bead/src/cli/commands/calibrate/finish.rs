@@ -7,11 +7,11 @@ use bead_calibrate::conformity::Conformity;
 use bead_calibrate::settings::{Provenance, entries, updated};
 use bead_compare::report::Fact;
 use bead_model::design::{Day, Description};
-use bead_recording::physical;
+use bead_recording::physical::{self, Change};
 use hertz_chain::read_text;
 
 use crate::cli::commands::calibrate::arguments::Common;
-use crate::cli::commands::calibrate::report::{CalibrateReport, ChangedKey, TrueValue};
+use crate::cli::commands::calibrate::report::{CalibrateReport, TrueValue};
 use crate::cli::commands::compared::publish;
 use crate::cli::commands::prelude::*;
 use crate::cli::provenance::{made_by, name_of, sha256_of, today};
@@ -155,7 +155,7 @@ impl Prepared {
         common: &Common,
         calibration: &Calibration,
         before: &Description,
-    ) -> Result<Vec<ChangedKey>, Failure> {
+    ) -> Result<Vec<Change>, Failure> {
         let provenance = Provenance {
             day: self.calibrated.to_string(),
             valid_until: common.valid_until.map(|day| day.to_string()),
@@ -176,7 +176,7 @@ impl Prepared {
             )
         })?;
         file.target().write_bytes(text)?;
-        Ok(changes.iter().map(ChangedKey::from).collect())
+        Ok(changes)
     }
 
     /// Lines for people about what was changed, and what to do next.

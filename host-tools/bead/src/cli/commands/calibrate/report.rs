@@ -4,7 +4,6 @@ use bead_calibrate::calibration::Calibration;
 use bead_calibrate::conformity::Conformity;
 use bead_model::design::Day;
 use bead_recording::physical::Change;
-use serde_json::Value;
 
 use crate::cli::commands::prelude::*;
 
@@ -23,33 +22,9 @@ pub(crate) struct CalibrateReport {
     /// Doubts that were overruled.
     pub(super) doubts: Vec<String>,
     /// Keys of the settings file that changed; empty without --update.
-    pub(super) changes: Vec<ChangedKey>,
+    pub(super) changes: Vec<Change>,
     /// The truth of a bead without hardware.
     pub(super) truth: Option<Vec<TrueValue>>,
-}
-
-/// A key of the settings that changed.
-#[derive(Debug, Serialize, JsonSchema)]
-pub(super) struct ChangedKey {
-    /// Its path.
-    key: &'static str,
-    /// Its unit.
-    unit: &'static str,
-    /// The value before; none if it was unknown.
-    from: Value,
-    /// The value now.
-    to: Value,
-}
-
-impl From<&Change> for ChangedKey {
-    fn from(change: &Change) -> Self {
-        Self {
-            key: change.key,
-            unit: change.unit,
-            from: change.from.clone(),
-            to: change.to.clone(),
-        }
-    }
 }
 
 /// The truth of a result.
