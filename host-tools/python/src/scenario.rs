@@ -1,11 +1,12 @@
 //! Scenarios from TOML, files and dictionaries.
 
+use std::fmt::Display;
 use std::sync::OnceLock;
 
 use hertz_chain::{Scenario as Described, TomlFile, read_table};
 use pyo3::prelude::*;
-use serde_json::Value as Json;
-use toml::Table;
+use serde_json::{Map, Value as Json};
+use toml::{Table, Value as Toml};
 
 use crate::failure::refused;
 
@@ -46,13 +47,35 @@ impl Scenario {
     }
 }
 
-fn unreadable(error: serde_json::Error) -> PyErr {
+fn unreadable(error: impl Display) -> PyErr {
     refused(format_args!("these tables cannot be read: {error}"))
 }
 
 /// The table in a JSON text.
 pub(crate) fn table(json: &str) -> PyResult<Table> {
-    serde_json::from_str(json).map_err(unreadable)
+    table_of(serde_json::from_str(json).map_err(unreadable)?)
+}
+
+fn table_of(object: Map<String, Json>) -> PyResult<Table> {
+    let entries = object.into_iter();
+    entries.map(|(key, value)| Ok((key, toml_of(value)?))).collect()
+}
+
+/// The value in TOML. By way of serde a number would arrive as a table, since `serde_json` has its feature
+/// `arbitrary_precision` where the host tools are built.
+fn toml_of(value: Json) -> PyResult<Toml> {
+    Ok(match value {
+        Json::Null => return Err(unreadable("TOML has no null")),
+        Json::Bool(value) => value.into(),
+        Json::Number(number) => match (number.as_i64(), number.as_f64()) {
+            (Some(integer), _) => integer.into(),
+            (None, Some(value)) => value.into(),
+            (None, None) => return Err(unreadable(format_args!("{number} is out of range"))),
+        },
+        Json::String(text) => text.into(),
+        Json::Array(values) => Toml::Array(values.into_iter().map(toml_of).collect::<PyResult<_>>()?),
+        Json::Object(object) => Toml::Table(table_of(object)?),
+    })
 }
 
 #[pymethods]
@@ -90,20 +113,17 @@ impl Scenario {
     /// This scenario with the values of a JSON object. An object in it changes the keys of the table of its
     /// name, null removes a key.
     fn replaced(&self, changes: &str) -> PyResult<Self> {
-        let mut changes: Json = serde_json::from_str(changes).map_err(unreadable)?;
+        let mut changes: Map<String, Json> = serde_json::from_str(changes).map_err(unreadable)?;
         let mut tables = self.tables()?.clone();
-        if let Some(changes) = changes.as_object_mut() {
-            changes.retain(|key, value| {
-                if value.is_null() {
-                    tables.remove(key);
-                }
-                !value.is_null()
-            });
-        }
-        let changes: Table = serde_json::from_value(changes).map_err(unreadable)?;
-        for (key, value) in changes {
+        changes.retain(|key, value| {
+            if value.is_null() {
+                tables.remove(key);
+            }
+            !value.is_null()
+        });
+        for (key, value) in table_of(changes)? {
             match (tables.get_mut(&key), value) {
-                (Some(toml::Value::Table(table)), toml::Value::Table(changes)) => table.extend(changes),
+                (Some(Toml::Table(table)), Toml::Table(changes)) => table.extend(changes),
                 (_, value) => {
                     tables.insert(key, value);
                 }

@@ -214,7 +214,9 @@ class Inputs(unittest.TestCase):
         self.assertEqual(hc.Scenario.from_dict(paper.to_dict()), paper)
         self.assertEqual(hc.Scenario.from_toml(paper.to_toml()), paper)
         self.assertEqual(pickle.loads(pickle.dumps(paper)), paper)
+        self.assertEqual(paper.replace(duration=5e-05).to_dict()["duration"], 5e-05)
         for part, change in (
+            ("TOML has no null", {"striker": {"velocity": None}}),
             ("did you mean `velocity`", {"striker": {"velocit": 1.0}}),
             ("where a number belongs", {"striker": {"velocity": "0.8 m/s"}}),
             ("infinite or no number", {"striker": {"velocity": float("nan")}}),
