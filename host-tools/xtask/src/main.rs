@@ -103,7 +103,7 @@ const TASKS: &[XtaskCommand] = &[
     XtaskCommand {
         name: "test",
         about: "Run every check, on the host and in QEMU: format, lints, documentation, builds, tests",
-        more: "It takes some half an hour on two cores if nothing is compiled yet. It stops at the first step that fails, \
+        more: "It takes about half an hour on two cores if nothing is compiled yet. It stops at the first step that fails, \
                with the command that repeats this step.",
         run: TaskFunction::Alone(test::test),
     },

@@ -16,7 +16,7 @@ use crate::{boards, checks, demo, image, lint, mutants, python, suite, wheel};
 /// Runs every check.
 pub(crate) fn test(steps: &Steps) -> Result<(), Stop> {
     steps.announce(
-        "every check: some half an hour on two cores if nothing is compiled yet, a quarter if all is",
+        "every check: about half an hour on two cores if nothing is compiled yet, a quarter of an hour if all is",
     );
     setup(steps, Need::Check)?;
     lint::text(steps)?;

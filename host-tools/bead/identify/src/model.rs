@@ -88,7 +88,7 @@ impl ExplainedChannels {
         })
     }
 
-    /// These own numbers of a strike, and then the zero of each channel.
+    /// Appends a zero for each channel to these numbers of a strike.
     pub(crate) fn with_zeros(&self, start: &[f64]) -> Vec<f64> {
         [start, &vec![0.0; self.series.len()]].concat()
     }
