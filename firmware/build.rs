@@ -1,9 +1,9 @@
 //! Hands the linker its scripts, and the image its loader, its git version and the pins of its board.
 //!
 //! # Design
-//! A probe flashes one file, and CI runs the same: the image brings the loader along, as bytes in a section.
-//! The loader is a program of its own, so a cargo of its own builds it here, in a target directory of its
-//! own: the one around is locked.
+//! A probe flashes one file, and CI runs the same one: the image contains the loader, as bytes in a section.
+//! The loader is a separate program, which a second cargo builds here in another target directory, since the
+//! outer one is locked.
 
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
@@ -54,7 +54,7 @@ fn link(root: &Path, out: &Path) {
     }
 }
 
-/// Settings of this build, which are not for the loader.
+/// Variables of this build that must not reach the loader's.
 const OF_THIS_BUILD: [&str; 8] = [
     "CARGO_FEATURE_",
     "CARGO_CFG_",
@@ -66,8 +66,8 @@ const OF_THIS_BUILD: [&str; 8] = [
     "CARGO_ENCODED_RUSTFLAGS",
 ];
 
-/// Builds the loader, and writes what it has in flash as `loader.bin`; nothing on a host, where no image is
-/// linked.
+/// Builds the loader, and writes its flash contents as `loader.bin`; an empty file on a host, where no image
+/// is linked.
 fn load(root: &Path, out: &Path) {
     let binary = out.join("loader.bin");
     let target = env::var("TARGET").expect("cargo sets it");
@@ -92,7 +92,7 @@ fn load(root: &Path, out: &Path) {
 
     let elf = fs::read(folder.join(&target).join("firmware/bead-loader")).expect("it was built");
     let elf = object::File::parse(&*elf).expect("the linker made an ELF file");
-    // One after the other: vectors, code, constants. There are no variables with a value.
+    // Vectors, code and constants, one after another. The loader has no initialised variables.
     let mut bytes = Vec::new();
     let start = elf.segments().map(|segment| segment.address()).min();
     assert_eq!(start, Some(0x0800_0000), "the part starts there");
@@ -107,8 +107,8 @@ fn load(root: &Path, out: &Path) {
     fs::write(binary, bytes).expect("cargo made OUT_DIR");
 }
 
-/// Writes the row of the board that the image is built for, as what `src/wiring.rs` includes; returns the
-/// board's name.
+/// Writes the row of the board that the image is built for, as code that `src/wiring.rs` includes; returns
+/// the board's name.
 fn wire(root: &Path, out: &Path) -> String {
     println!("cargo::rerun-if-env-changed=BEAD_BOARD");
     let table = fs::read_to_string(root.join("firmware/boards.txt")).expect("it lies beside this file");

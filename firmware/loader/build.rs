@@ -1,5 +1,5 @@
 //! Hands the linker its scripts. It runs in the workspace's root and takes the `memory.x` there, in which a
-//! program that starts at a reset has another flash than the bead.
+//! program that starts at a reset has a different flash region from the bead.
 
 fn main() {
     println!("cargo::rerun-if-changed=../../memory.x");

@@ -9,7 +9,7 @@
 //! # The index
 //! The index of a scan is the number of its trigger. It is not assumed but counted: whenever a block is full,
 //! the scans since the start are compared with the triggers since then. At the first block of an epoch a
-//! difference is corrected and reported. Later it ends the epoch.
+//! difference is corrected and reported. A later difference ends the epoch.
 //!
 //! # Errors
 //! When the ADC overruns, it stops its DMA requests, and no block comes any more: a deadline finds this. ADC
@@ -57,7 +57,7 @@ async fn epoch(converter: &mut Converter, clock: &mut SampleClock, outlet: &mut 
     let (adc, channels) = converter.parts();
     let mut scanning = Scanning::begin(Adc::new(adc), channels, outlet.filling, outlet.next);
     let lost = scan(&mut scanning, clock, outlet).await;
-    // Before the converter is turned off: no trigger finds it half taken down.
+    // Closed before the converter is turned off, so that no trigger finds it half taken down.
     clock.close();
     lost
 }
@@ -76,7 +76,7 @@ async fn scan(scanning: &mut Scanning<'_>, clock: &mut SampleClock, outlet: &mut
             Err(_) if scanning.overran() => return "the ADC overran",
             Err(_) => return "the ADC fell silent",
         }
-        // The index of the first scan of this block, by the triggers and the scans that there were.
+        // Index of the first scan of this block, from the numbers of triggers and scans so far.
         let count = || clock.between_scans(|triggers| (triggers + 1).saturating_sub(scanning.waiting()));
         let mut counted = count();
         while first && counted.is_none() {
@@ -95,7 +95,7 @@ async fn scan(scanning: &mut Scanning<'_>, clock: &mut SampleClock, outlet: &mut
         first = false;
         let next = handover::free();
         if scanning.take(next).is_err() {
-            // The stream did not get it.
+            // The stream did not take the block.
             next.into_iter().for_each(handover::give_back);
             return LATE;
         }
@@ -104,7 +104,7 @@ async fn scan(scanning: &mut Scanning<'_>, clock: &mut SampleClock, outlet: &mut
     }
 }
 
-/// The way of the blocks to the estimators. Acquisition never waits for them.
+/// Passes blocks to the estimators. Acquisition never waits for them.
 struct Outlet {
     /// The block that the converter fills.
     filling: &'static BlockCodes,
@@ -116,9 +116,9 @@ struct Outlet {
 }
 
 impl Outlet {
-    /// Hands on the block that is full, whose first scan has this index. The converter goes on with `next`.
-    /// If the estimators have given back none, the converter fills the same block once more: it is lost, and
-    /// is counted.
+    /// Hands on the full block, whose first scan has this index. The converter goes on with `next`. If the
+    /// estimators have given back no block, the converter fills this one once more: its scans are lost, and
+    /// counted.
     fn pass_on(&mut self, first_index: u64, next: Option<&'static BlockCodes>) {
         let full = core::mem::replace(&mut self.filling, self.next);
         self.next = next.unwrap_or(full);

@@ -123,8 +123,8 @@ impl Device for Stm32Board {
     #[allow(unsafe_code, reason = "the image is memory that no Rust object stands for")]
     fn image(&self) -> &'static [u8] {
         unsafe extern "C" {
-            // From cortex-m-rt's linker script: begin of the image, where `.data` lies in it, and its ends in
-            // RAM.
+            // From cortex-m-rt's linker script: start of the image, where the image holds `.data`, and the
+            // ends of `.data` in RAM.
             static __vector_table: u8;
             static __sidata: u8;
             static __sdata: u8;

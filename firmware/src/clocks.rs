@@ -3,22 +3,23 @@
 //! # Design
 //! | clock | MHz | for |
 //! |---|---|---|
-//! | HSE | 8, 12, 16, 25 | a crystal is exact to ppm, the RC oscillator to per cent: so the sample clock |
+//! | HSE | 8, 12, 16, 25 | the sample clock: a crystal is exact to ppm, the RC oscillator to per cent |
 //! | PLL input | 2, or 1 of 25 | the highest that divides it, for least jitter (RM0090 section 7.3.2) |
 //! | SYSCLK, AHB | 168 | the fastest clock of the part |
 //! | APB1 | 42 | its limit; its timers (TIM3, TIM5) run at twice that, 84 |
 //! | APB2 | 84 | its limit; USART1, and the ADC's clock divided by 4: 21 MHz |
 //!
 //! # Which crystal
-//! Boards differ in it. Before anything is made of it, TIM11 measures it against the internal oscillator,
-//! which is 1 % off at 25 °C: its input can be the crystal, divided for the RTC (RM0090 section 7.2.11).
+//! Boards have different crystals. Before any clock is derived from the crystal, TIM11 measures it against
+//! the internal oscillator, which is 1 % off at 25 °C: the input of TIM11 can be the crystal, divided for
+//! the RTC (RM0090 section 7.2.11).
 //!
 //! # A crystal that fails
-//! The driver would wait for the crystal without end. So [`source`] waits first, and gives up. Without a
-//! crystal, with another one, or in another part, the clocks are made from the internal oscillator: good
-//! enough for the line and not for samples. If the crystal stops later, the clock security system puts the
-//! core on the internal oscillator and raises an NMI ([`crate::trace`]): the bead resets, and starts without
-//! a crystal. It starts anew when the crystal has swung for [`STEADY`] again.
+//! The driver would wait for the crystal without end, so [`source`] waits first, and gives up. Without a
+//! crystal, with an unknown one, or on another part, the clocks are derived from the internal oscillator:
+//! good enough for the line but not for samples. If the crystal stops later, the clock security system puts
+//! the core on the internal oscillator and raises an NMI ([`crate::trace`]): the bead resets, and starts
+//! without a crystal. It starts anew when the crystal has oscillated for [`STEADY`] again.
 
 use core::sync::atomic::{AtomicU8, Ordering};
 
@@ -34,9 +35,10 @@ use embassy_stm32::rcc::{
 use embassy_stm32::time::Hertz;
 use embassy_time::Duration;
 
-/// Crystals that boards have, MHz. Between two of them there is more than the internal oscillator is off.
+/// Crystals that boards have, MHz. They differ by more than the error of the internal oscillator.
 const CRYSTALS_MHZ: [u32; 4] = [8, 12, 16, 25];
-/// A measured crystal may be off by this part: the internal oscillator, and a count of 158 or more.
+/// Reciprocal of the greatest relative error of a measured crystal, which is that of the internal oscillator
+/// and of a count of 158 or more.
 const OFF: u32 = 32;
 /// The internal oscillator, which the core runs on after a reset.
 pub(crate) const INTERNAL_HZ: u32 = 16_000_000;
@@ -47,7 +49,7 @@ const CRYSTAL_STARTS: u32 = INTERNAL_HZ / 10;
 const PART: u16 = 0x413;
 const REVISION_A: u16 = 0x1000;
 
-/// Part of silicon of revision A, as it says itself.
+/// DEV_ID that silicon of revision A reports.
 const PART_OF_REVISION_A: u16 = 0x411;
 /// Greatest divider of the crystal for the RTC, and edges from capture to capture.
 const DIVIDER: u8 = 31;
@@ -56,14 +58,14 @@ const EDGES: u32 = 8;
 /// Clock of the timers of APB1: TIM2, TIM3 and TIM5.
 pub(crate) const TIMER_HZ: u32 = 84_000_000;
 
-/// A crystal that did not start and swings for so long is tried again.
+/// A crystal that failed to start is tried again after it has oscillated for this long.
 pub(crate) const STEADY: Duration = Duration::from_secs(2);
 
 static CRYSTAL_MHZ: AtomicU8 = AtomicU8::new(0);
 
-/// Why there is no clock for samples.
+/// Reason why there is no clock for samples.
 pub(crate) enum NoClock {
-    /// No crystal swings.
+    /// No crystal oscillates.
     Silent,
     /// A crystal that boards do not have, kHz; 0 if it cannot be measured.
     Crystal(u32),
@@ -95,7 +97,7 @@ impl NoClock {
     }
 }
 
-/// Starts the crystal and measures it, MHz. Called on the internal oscillator.
+/// Starts the crystal and returns its measured frequency, MHz. Called on the internal oscillator.
 pub(crate) fn source() -> Result<u32, NoClock> {
     let part = DBGMCU.idcode().read().dev_id();
     if ![PART, PART_OF_REVISION_A].contains(&part) {
@@ -116,12 +118,12 @@ pub(crate) fn source() -> Result<u32, NoClock> {
     found
 }
 
-/// The crystal that the clocks are made of, MHz; 0 for the internal oscillator.
+/// The crystal that the clocks are derived from, MHz; 0 for the internal oscillator.
 pub(crate) fn crystal_mhz() -> u8 {
     CRYSTAL_MHZ.load(Ordering::Relaxed)
 }
 
-/// Waits until something is true, for so many clocks at most. Returns whether it is.
+/// Waits until a condition is true, for at most this many clocks. Returns `true` if it is.
 fn within(clocks: u32, mut is_true: impl FnMut() -> bool) -> bool {
     let start = DWT::cycle_count();
     while !is_true() {
@@ -132,8 +134,8 @@ fn within(clocks: u32, mut is_true: impl FnMut() -> bool) -> bool {
     true
 }
 
-/// The crystal's frequency, kHz, by the internal oscillator: TIM11 counts its clock from one capture to the
-/// next. 0 if none comes.
+/// The crystal's frequency, kHz, measured with the internal oscillator: TIM11 counts the oscillator's clocks
+/// from one capture to the next. Returns 0 if no capture comes.
 fn crystal_khz() -> u32 {
     /// TIM11_OR: the crystal, divided for the RTC (RM0090 section 19.5.11).
     const BY_CRYSTAL: u32 = 0b10;
@@ -151,7 +153,7 @@ fn crystal_khz() -> u32 {
     TIM11.ccer().modify(|w| w.set_cce(0, true));
     TIM11.cr1().modify(|w| w.set_cen(true));
     let captured = || within(LONGEST, || TIM11.sr().read().ccif(0)).then(|| TIM11.ccr(0).read().ccr());
-    // The first comes after a part of the way.
+    // The first capture comes after an incomplete interval.
     let times = [(); 3].map(|()| captured());
     RCC.apb2rstr().modify(|w| w.set_tim11rst(true));
     RCC.apb2rstr().modify(|w| w.set_tim11rst(false));
@@ -164,7 +166,7 @@ fn crystal_khz() -> u32 {
     EDGES * u32::from(DIVIDER) * (INTERNAL_HZ / 1000) / clocks
 }
 
-/// The configuration for `embassy_stm32::init`, from a crystal of so many MHz or from the internal
+/// The configuration for `embassy_stm32::init`, from a crystal of this many MHz or from the internal
 /// oscillator.
 pub(crate) fn config(crystal: Option<u32>) -> Config {
     let mut config = Config::default();
@@ -200,7 +202,7 @@ pub(crate) fn config(crystal: Option<u32>) -> Config {
     config
 }
 
-/// From now on a crystal that stops raises an NMI (RM0090 section 7.2.7).
+/// Lets a crystal that stops raise an NMI (RM0090 section 7.2.7).
 pub(crate) fn guard_crystal() {
     RCC.cr().modify(|w| w.set_csson(true));
 }
@@ -208,12 +210,12 @@ pub(crate) fn guard_crystal() {
 /// Turns on the caches and the prefetch of the flash, which the driver's set-up leaves off: without them the
 /// core waits 5 clocks at every branch (RM0090 section 3.5.2).
 ///
-/// Called after flash was erased for the last time, as a cache keeps what was there before (section 3.5.2). A
-/// word that is programmed is changed in the cache as well. The caches are emptied first, which works only
-/// while they are off (section 3.9.1): flash may have changed since they were on, before the reset.
+/// Called after the last erase, as a cache keeps the old contents (section 3.5.2). Programming a word changes
+/// it in the cache as well. The caches are emptied first, which works only while they are off (section
+/// 3.9.1): flash may have changed since they were on, before the reset.
 ///
-/// Silicon of revision A says that it is an STM32F2, whose revisions have other numbers (ES0182, MCU device
-/// ID). So any other part than the expected one goes without the prefetch.
+/// Silicon of revision A reports itself as an STM32F2, whose revisions have other numbers (ES0182, MCU device
+/// ID). So the prefetch stays off on any part but the expected one.
 pub(crate) fn accelerate() {
     let id = DBGMCU.idcode().read();
     let prefetch = id.dev_id() == PART && id.rev_id() != REVISION_A;
@@ -241,13 +243,13 @@ pub(crate) fn forget_data() {
     FLASH.acr().modify(|w| w.set_dcen(on));
 }
 
-/// Turns the crystal on. Returns `true` if it swings.
+/// Turns the crystal on. Returns `true` if it oscillates.
 pub(crate) fn crystal_swings() -> bool {
     RCC.cr().modify(|w| w.set_hseon(true));
     RCC.cr().read().hserdy()
 }
 
-/// While a debugger halts the core, the timers and the watchdog stand still too (RM0090 section 38.16.4).
+/// Stops the timers and the watchdog while a debugger halts the core (RM0090 section 38.16.4).
 pub(crate) fn freeze_while_halted() {
     DBGMCU.apb1fzr().modify(|w| {
         w.set_tim2(true);

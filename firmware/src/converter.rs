@@ -1,14 +1,14 @@
 //! ADC3 and its DMA stream: scans at each trigger, straight into blocks. All three converters have the four
-//! pins. ADC1 alone has the reference voltage and the temperature sensor, and is left to them: see
+//! pins. Only ADC1 has the reference voltage and the temperature sensor, and is left to them: see
 //! [`supply`](crate::supply).
 //!
 //! # Design
 //! DMA2's stream 0 fills two blocks in turn (double-buffer mode, RM0090 section 10.3.9). While it fills one,
-//! the core gives it the address of the block that comes after. So nothing is copied, and the core has the
-//! time of a block for it.
+//! the core sets the address of the next one. So nothing is copied, and the core has the time of a block to
+//! do so.
 //!
-//! Scans start by the trigger only. A software start while a trigger is selected is nowhere used: the manual
-//! leaves open what it does, and the sample index would rest on it.
+//! Only the trigger starts scans. A software start while a trigger is selected is never used: the manual
+//! leaves open what it does, and the sample index would depend on it.
 //!
 //! # Timing
 //! A conversion takes [`SAMPLE_TIME`] plus 12 ADC clocks (RM0090 section 13.5), 27 clocks at 21 MHz. All four
@@ -48,7 +48,7 @@ const STREAM: usize = 0;
 const REQUEST: u8 = 2;
 /// TIM3_TRGO as trigger of regular scans (RM0090 section 13.13.3, EXTSEL).
 const TIM3_TRGO: u8 = 0b1000;
-/// Codes that the stream still takes after the core has given it an address in time: two scans.
+/// Least number of codes that the stream still has to take when the core gives it an address: two scans.
 const MARGIN: u16 = 2 * CHANNELS as u16;
 
 /// Blocks that the stream has filled since it was started.
@@ -133,7 +133,7 @@ impl<'a> Scanning<'a> {
             w.set_tcie(true);
             w.set_teie(true);
         });
-        // The core reads what it still has to read there before the stream writes.
+        // The core's reads from these blocks end before the stream writes to them.
         fence(Ordering::SeqCst);
         stream.cr().modify(|w| w.set_en(true));
 
@@ -178,9 +178,9 @@ impl<'a> Scanning<'a> {
         let stream = DMA2.st(STREAM);
         critical_section::with(|_| {
             // An address may change only while the stream uses the other (RM0090 section 10.3.9). A block
-            // that ended just now is not counted: its interrupt waits, and the stream has gone on to the
-            // other address. Its flag tells, and is read last. If none has ended by then, there is MARGIN
-            // left.
+            // that ended just now is not counted, since its interrupt waits, but the stream has gone on to
+            // the other address. The stream's flag shows this, and is read last. If no block has ended by
+            // then, there is MARGIN left.
             let left = stream.ndtr().read().ndt();
             let used = stream.cr().read().ct();
             let ended = DMA2.isr(STREAM / 4).read().tcif(STREAM % 4);
@@ -196,7 +196,7 @@ impl<'a> Scanning<'a> {
         })
     }
 
-    /// Number of scans since the end of the last block that was taken. Asked for between two scans.
+    /// Number of scans since the end of the last block that was taken. Called between two scans.
     pub(crate) fn waiting(&self) -> u64 {
         let left = u32::from(DMA2.st(STREAM).ndtr().read().ndt());
         let blocks = FILLED.load(Ordering::Relaxed).wrapping_sub(self.taken) + 1;
@@ -210,13 +210,13 @@ impl<'a> Scanning<'a> {
 }
 
 impl Drop for Scanning<'_> {
-    /// The driver stops the converter.
+    /// Stops the stream. The driver stops the converter.
     fn drop(&mut self) {
         stop_stream();
     }
 }
 
-/// Where the DMA has to write the codes of a block.
+/// Address at which the DMA writes the codes of a block.
 fn address(codes: &'static BlockCodes) -> u32 {
     codes.0.as_ptr().expose_provenance() as u32
 }

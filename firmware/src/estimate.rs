@@ -21,9 +21,9 @@ pub(crate) async fn estimate(estimation: &'static mut Estimation<Stm32Board>) ->
     }
 }
 
-/// In place of [`estimate`] while there are no samples: takes settings, and watches the supply. The index
-/// goes on with the time, which is what a signed request holds until. A bead whose crystal was `silent`
-/// starts anew when it swings.
+/// Replaces [`estimate`] while there are no samples: takes settings, and watches the supply. The sample index
+/// follows the time, since signed requests expire by it. A bead whose crystal was `silent` starts anew when
+/// the crystal oscillates.
 #[embassy_executor::task]
 pub(crate) async fn idle(silent: bool) -> ! {
     let mut watch = SensorWatch::default();

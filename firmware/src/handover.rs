@@ -1,4 +1,4 @@
-//! The way of the blocks between acquisition and estimation, and back.
+//! Passes blocks from acquisition to estimation, and back.
 
 use bead_app::{BlockCodes, ScanBlock};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;

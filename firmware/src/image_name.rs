@@ -1,5 +1,5 @@
-//! The image's name in flash, right behind its vectors: `bead flash` reads it there, of an image that it
-//! knows nothing of and that may not run.
+//! The image's name in flash, right behind its vectors, where `bead flash` reads it: also from an image that
+//! it does not know and that may not run.
 
 /// Mark, version, commit and board (`build.rs`).
 const NAME: &str = env!("BEAD_IMAGE_NAME");

@@ -21,7 +21,7 @@ pub(crate) struct LinePins {
 }
 
 impl LinePins {
-    /// Lets go of the line, and listens. TIM2 must be on.
+    /// Releases the line, and latches its edges. TIM2 must be on.
     pub(crate) fn new(
         output: Peri<'static, peripherals::PB10>,
         input: Peri<'static, peripherals::PB11>,

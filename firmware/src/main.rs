@@ -60,7 +60,7 @@ fn main() -> ! {
     }
 }
 
-/// Starts the tasks. Not inlined, so that the stack has its frame no longer when they run.
+/// Starts the tasks. Not inlined, so that its frame is no longer on the stack when they run.
 #[inline(never)]
 fn start() {
     static BOOT: StaticCell<ThisBoot> = StaticCell::new();

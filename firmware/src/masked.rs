@@ -1,8 +1,9 @@
 //! Critical sections, and how long they keep interrupts waiting.
 //!
 //! # Design
-//! They are those of `cortex-m` on a single core, with two readings of the cycle counter: the length of the
-//! longest goes into the [load](bead_wire::Load) frame. Inner sections are part of the outermost.
+//! These are the sections of `cortex-m` for a single core, with two readings of the cycle counter. The length
+//! of the longest section goes into the [load](bead_wire::Load) frame. Inner sections are part of the
+//! outermost.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
@@ -24,7 +25,7 @@ set_impl!(Masked);
 // section that set it.
 #[allow(unsafe_code, reason = "the trait promises exclusion")]
 unsafe impl Impl for Masked {
-    // A call each: copies of both in every section would take 7 KB of flash.
+    // Not inlined: copies of both functions in every section would take 7 KB of flash.
     #[inline(never)]
     unsafe fn acquire() -> RawRestoreState {
         let outermost = primask::read().is_active();

@@ -1,15 +1,15 @@
 //! The two digital-to-analog converters, by which a bead on a bench plays to its own inputs.
 //!
 //! # Design
-//! TIM6 has the sample period, DMA1's stream 5 fetches a word for each of its updates, and the word has the
-//! codes of both outputs (RM0090 section 14.4). The outputs change when the four conversions of a scan are
-//! over, and have the rest of the period, 4.5 µs, to settle: 3 µs as a rule (DocID022152, DAC
+//! TIM6 runs at the sample rate. At each of its updates, DMA1's stream 5 fetches a word with the codes of
+//! both outputs (RM0090 section 14.4). The outputs change when the four conversions of a scan are over, and
+//! have the rest of the period, 4.5 µs, to settle. That takes 3 µs as a rule (DocID022152, DAC
 //! characteristics), and a strike moves by a twentieth of the range at most.
 //!
 //! The buffers are on: they drive a wire and a divider, and reach from 0.2 V to 0.2 V below the supply.
 //! Without them an output has 15 kΩ, and an input would not settle in its sample time.
 //!
-//! All of it is off, clocks included, but for the time of a request.
+//! All of it is off, clocks included, except during a request.
 
 use core::sync::atomic::{AtomicU32, Ordering, fence};
 
@@ -98,8 +98,8 @@ pub(crate) fn hold(codes: Option<[u16; 2]>) {
     });
 }
 
-/// Plays codes from one of the next scans on. Gives the index of the first that finds the first of them;
-/// `about` is the index of a scan of the last seconds.
+/// Starts playing codes within the next scans. Returns the index of the first scan that samples the first
+/// pair; `about` is the index of a scan within the last seconds.
 pub(crate) fn play(codes: impl Iterator<Item = [u16; 2]>, about: u64) -> u64 {
     let mut count = 0;
     for (place, codes) in WORDS.iter().zip(codes) {
@@ -144,15 +144,16 @@ pub(crate) fn play(codes: impl Iterator<Item = [u16; 2]>, about: u64) -> u64 {
             Some(TIM2.cnt().read())
         });
         if let Some(count) = started {
-            // TIM2 counts from the trigger of index 1 on. The first update finds what is held and fetches the
-            // first word, the second puts it on the outputs, and the scan after that finds it.
+            // TIM2 counts from the trigger of index 1. The first update converts the held codes and fetches
+            // the first word, the second puts that word on the outputs, and the scan after it samples the
+            // word.
             let clocks = unwrapped(count, about * u64::from(PERIOD));
             return clocks / u64::from(PERIOD) + 1 + 2;
         }
     }
 }
 
-/// Stops, and returns `true` if all was played. The last codes stay on the outputs.
+/// Stops playing, and returns `true` if all was played. The last codes stay on the outputs.
 pub(crate) fn end_play() -> bool {
     TIM6.cr1().write(|_| {});
     let flags = DMA1.isr(STREAM / 4).read();
@@ -161,8 +162,8 @@ pub(crate) fn end_play() -> bool {
     stream.cr().modify(|w| w.set_en(false));
     while stream.cr().read().en() {}
     clear_flags();
-    // Its request after the last one was served by nobody: a one clears the flag of that (RM0090 sections
-    // 14.3.7 and 14.5.14).
+    // The converter's request after the last word was not served, which set a flag. Writing a one clears it
+    // (RM0090 sections 14.3.7 and 14.5.14).
     DAC1.cr().modify(|w| w.set_dmaen(0, false));
     DAC1.sr().modify(|_| {});
     complete

@@ -4,10 +4,10 @@
 //! 2 Mbaud is exactly 84 MHz / 42, and common USB serial bridges can do it. 8 data bits, no parity, 1 stop
 //! bit. There is no flow control, so neither end can stop the other.
 //!
-//! Frames leave by the driver. What comes in is put into a ring by the DMA and by nothing else. The driver's
-//! receiver reads the data register whenever it is woken, and a byte that the DMA has not fetched yet would
-//! be lost. So this one looks only where the DMA stands, every [`POLL`]. No byte and no idle line interrupts
-//! the core, whatever the sender does. An interrupt counts the rounds of the ring, one each 1024 bytes.
+//! The driver sends frames. Only the DMA receives: it puts bytes into a ring. The driver's receiver would
+//! read the data register whenever it is woken, and a byte that the DMA has not fetched yet would be lost. So
+//! this one only polls the DMA's position, every [`POLL`]. No byte and no idle line interrupts the core,
+//! whatever the sender does. An interrupt counts the rounds of the ring, one each 1024 bytes.
 
 use core::sync::atomic::{AtomicU8, AtomicU32, Ordering, fence};
 
@@ -32,10 +32,10 @@ const REQUEST: u8 = 4;
 
 /// Bytes by which the receiver may fall behind: 5 ms at full rate.
 const SIZE: usize = 1024;
-/// Interval of the looks for new bytes: 400 can come meanwhile.
+/// Interval of the polls for new bytes, in which 400 can come.
 const POLL: Duration = Duration::from_millis(2);
 
-/// Made of atomics, since the DMA writes to it while the core reads.
+/// Ring of received bytes, made of atomics, since the DMA writes to it while the core reads.
 static RING: [AtomicU8; SIZE] = [const { AtomicU8::new(0) }; SIZE];
 /// Rounds that the DMA has completed; wraps.
 static ROUNDS: AtomicU32 = AtomicU32::new(0);
@@ -62,17 +62,17 @@ pub(crate) struct Receiver {
     _stream: Peri<'static, peripherals::DMA2_CH2>,
     /// Bytes that were taken; wraps.
     taken: u32,
-    /// Where the last error of the line was counted.
+    /// Count of received bytes at the last error of the line.
     erred: u32,
 }
 
-/// Why bytes are missing, or doubtful.
+/// Reason why bytes are missing or doubtful.
 pub(crate) enum Missing {
     /// More came than the ring holds.
     Overrun,
     /// A byte had no stop bit, or came before the one before it was fetched.
     Broken,
-    /// None: a byte had noise, and the checksum of its frame will tell if it is wrong.
+    /// No byte is missing, but one had noise: the checksum of its frame shows if it is wrong.
     Noise,
 }
 
@@ -81,7 +81,7 @@ impl Receiver {
         pin: Peri<'static, impl RxPin<peripherals::USART1>>,
         stream: Peri<'static, peripherals::DMA2_CH2>,
     ) -> Self {
-        // A pin without a wire is then an idle line, not noise.
+        // Pulled up, so that a pin without a wire is an idle line, not noise.
         let mut pin = Flex::new(pin);
         pin.set_as_af_unchecked(AF7, AfType::input(Pull::Up));
         let ring = DMA2.st(STREAM);
@@ -122,8 +122,8 @@ impl Receiver {
                     // The status was read, so the stream's next fetch clears the flag.
                     return Err(Missing::Noise);
                 }
-                // With the status before, this clears the flags (RM0090 section 30.6.1). A byte may get lost,
-                // and all are dropped now.
+                // After the read of the status, this clears the flags (RM0090 section 30.6.1). A byte may get
+                // lost, so all are dropped.
                 let _ = USART1.dr().read();
                 return Err(Missing::Broken);
             }

@@ -4,7 +4,7 @@
 //! Every task runs in an interrupt handler, and `main` sleeps in WFI: the core wakes for interrupts only.
 //! (The executor of thread mode sleeps in WFE, which emulators take for a busy wait.) Each executor uses an
 //! interrupt that nothing else can raise: the part with 64 pins has no FSMC, and the two of endpoint 1 are
-//! for a USB driver that none uses. A task is interrupted only by tasks of a level above it:
+//! for a USB driver that is not used. A task is interrupted only by tasks of a level above it:
 //!
 //! | priority | runs | because |
 //! |---|---|---|

@@ -1,10 +1,10 @@
-//! From the bytes that come in over the link to requests; each is answered before the next is read.
+//! Turns bytes from the link into requests; each is answered before the next is read.
 //!
 //! # Design
 //! This task has the lowest priority. It takes one piece of bytes and then lets the other tasks of its
 //! priority run: garbage at full line rate costs idle time only. If a host sends more than the ring can hold
-//! while a request is being done, bytes are let go until the line has been quiet for 2 ms; this is counted.
-//! Bytes that are no request get no reply, so noise cannot fill the outbox.
+//! while a request is carried out, bytes are dropped until the line has been quiet for 2 ms; this is counted.
+//! Bytes that are not a request get no reply, so noise cannot fill the outbox.
 
 use bead_app::Commands;
 use bead_wire::{RequestDecoder, UpdateStage};
@@ -25,7 +25,7 @@ pub(crate) async fn receive(mut port: Receiver, commands: &'static mut Commands<
         commands.end_idle_update().await;
         let came = port.read(&mut bytes);
         let came = if update::stage() == UpdateStage::Receiving {
-            // Or an update whose line is cut would never end.
+            // Otherwise an update whose line is cut would never end.
             with_timeout(Duration::from_secs(1), came).await.unwrap_or(Ok(0))
         } else {
             came.await

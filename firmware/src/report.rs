@@ -1,4 +1,4 @@
-//! Identity, settings, status, health and link of the bead, told at boot and every second.
+//! Identity, settings, status, health and link of the bead, sent at boot and every second.
 
 use bead_app::{RefusedSettings, ThisBoot};
 use bead_wire::{Detail, FaultCause};

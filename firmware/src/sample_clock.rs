@@ -5,10 +5,10 @@
 //! `i` sample periods after the start, whatever happens to the acquisition. Between epochs only the timer's
 //! output to the ADC is closed. The index of a scan is the number of its trigger, so the index is the time.
 //!
-//! The time driver tells how many triggers there were while the output was closed. Both timers count the same
-//! clock, and a tick is a sample period. So a count of ticks is an exact count of triggers, if it is read
-//! away from the edges of both. The timer is started right after a tick. Hence ticks come right before its
-//! updates, and neither is near in the first half of a period.
+//! The time driver counts the triggers while the output is closed. Both timers count the same clock, and a
+//! tick is a sample period. So a count of ticks is an exact count of triggers, if it is read away from the
+//! edges of both. The timer is started right after a tick. Hence ticks come right before its updates, and
+//! neither is near in the first half of a period.
 
 use bead_app::{CLOCKS_PER_SAMPLE, SAMPLE_RATE_HZ};
 use embassy_stm32::Peri;
@@ -56,8 +56,8 @@ impl SampleClock {
         clock
     }
 
-    /// Lets the triggers through. Returns the number of the last trigger before, which is how many there
-    /// were.
+    /// Lets the triggers through. Returns the number of the last trigger before, which is the count of
+    /// triggers so far.
     ///
     /// Takes at most one and a half periods.
     pub(crate) fn open(&mut self) -> u64 {
@@ -72,7 +72,7 @@ impl SampleClock {
                 self.timer.start();
                 self.started = Some(now.as_ticks());
             });
-            // The wait for a tick was the longest, and no sample waited.
+            // Discards the wait for a tick, which was the longest: no sample waited for it.
             let _ = masked::take_longest();
             return 0;
         };

@@ -1,8 +1,8 @@
 //! Depth of the stack so far, and a fence at its end.
 //!
 //! # Design
-//! The stack lies at the start of the core-coupled memory: no DMA reaches it, variables are above it only,
-//! and below it there is no memory at all. So a stack that grows too far destroys nothing, however large the
+//! The stack is at the start of the core-coupled memory: no DMA reaches it, variables are only above it, and
+//! below it there is no memory at all. So a stack that grows too far destroys nothing, however large the
 //! step.
 //!
 //! Start-up code fills this memory with a pattern (`cortex-m-rt`, feature `paint-stack`), and the stack grows
@@ -10,7 +10,7 @@
 //! stack, so one number covers them.
 //!
 //! The memory protection unit closes the lowest [`FENCE`] bytes: a stack that grows into them faults. The
-//! unit is off while the handler of the fault runs, so that the handler has a stack, and the fault is told.
+//! unit is off while the handler of the fault runs, so that the handler has a stack and can report the fault.
 
 use core::sync::atomic::{AtomicUsize, Ordering};
 
@@ -18,8 +18,8 @@ use cortex_m::peripheral::MPU;
 use cortex_m_rt::STACK_PAINT_VALUE;
 
 /// Bytes closed at the end of the stack: more than any frame of this image, so that no function steps over
-/// them. A test reads the frames from the image. A region of the unit has a power of two as size and lies at
-/// a multiple of it.
+/// them. A test reads the frames from the image. The unit needs a power of two as size, and a multiple of it
+/// as address.
 const FENCE: usize = 8192;
 
 /// First address that the stack may not use, aligned for [`FENCE`].
@@ -55,8 +55,8 @@ pub(crate) fn overflown(address: usize) -> bool {
 
 /// Bytes of stack that were never used, down to the fence.
 ///
-/// It looks only below the deepest use known, and ends when [`FENCE`] bytes in a row have the pattern: no
-/// frame is so large. To look through all of the free stack would take longer than any block of a strike.
+/// Searches only below the deepest known use, and ends when [`FENCE`] bytes in a row have the pattern: no
+/// frame is so large. Searching all of the free stack would take longer than any block of a strike.
 #[allow(
     unsafe_code,
     reason = "the free stack is memory that no Rust object stands for"

@@ -7,10 +7,10 @@
 //! memory programming). A start may erase five or six of them, after power cuts and on flash that wears out.
 //!
 //! # An erase and the time
-//! No interrupt runs while a sector is erased, as the handlers lie in flash. The time driver counts turns of
-//! 0.33 s by interrupts, and two flags are all that tells it of those that it misses. It takes the time right
-//! only if it has missed an even number; after an odd one, each reading between a turn and its interrupt is
-//! 0.66 s too low. So its timer, TIM5, stands still meanwhile.
+//! No interrupt runs while a sector is erased, as the handlers are in flash. The time driver counts turns of
+//! 0.33 s by interrupts, and has only two flags for those that it misses. Its time is right only if it has
+//! missed an even number; after an odd one, each reading between a turn and its interrupt is 0.66 s too low.
+//! So its timer, TIM5, is stopped meanwhile.
 
 use bead_store::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 use bead_store::{Opened, Store, Vault};
@@ -26,7 +26,7 @@ const RANGE: core::ops::Range<u32> = 0xC_0000..0x10_0000;
 /// The store of this bead.
 pub(crate) type SettingsStore = Vault<SettingsFlash>;
 
-/// The driver of the flash. What an erase does to the watchdog and to the time is seen to.
+/// The driver of the flash. It keeps the watchdog and the time right during an erase.
 pub(crate) struct SettingsFlash(Driver);
 
 type Driver = flash::Flash<'static, Blocking>;
@@ -64,7 +64,7 @@ impl NorFlash for SettingsFlash {
     }
 }
 
-/// Erases while the time stands still: see the head of this page.
+/// Erases while the time stands still: see the module's documentation.
 pub(crate) fn without_time<T>(erase: impl FnOnce() -> T) -> T {
     TIM5.cr1().modify(|w| w.set_cen(false));
     let erased = erase();
@@ -72,8 +72,8 @@ pub(crate) fn without_time<T>(erase: impl FnOnce() -> T) -> T {
     erased
 }
 
-/// Opens the store. It may take seconds, so it is called before acquisition begins. With a supply that is not
-/// good it erases nothing: what reads wrongly now may be whole.
+/// Opens the store. This may take seconds, so it is called before acquisition begins. At a low supply nothing
+/// is erased: a block that reads wrongly now may be intact.
 pub(crate) fn open(
     flash: Peri<'static, peripherals::FLASH>,
     supply_is_good: bool,

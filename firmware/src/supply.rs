@@ -1,14 +1,14 @@
 //! The supply, which is also the reference of the ADC.
 //!
 //! # Design
-//! The internal reference voltage tells the supply. It and the temperature sensor have to be sampled for at
-//! least 10 µs (DocID022152, embedded reference voltage), and between two scans there are 4.9 µs. An injected
-//! conversion would delay scans or cost them. But only ADC1 can convert the two (RM0090 section 13.10), and
-//! the scans are ADC3's. So no scan is lost for them. `bead_app` says when they are converted. The
-//! programmable voltage detector watches the supply between; it needs no ADC (RM0090 section 5.2.3).
+//! The supply is derived from the internal reference voltage. This voltage and the temperature sensor have to
+//! be sampled for at least 10 µs (DocID022152, embedded reference voltage), and between two scans there are
+//! 4.9 µs. An injected conversion would delay scans or cost them. But only ADC1 can convert the two (RM0090
+//! section 13.10), and ADC3 makes the scans, so no scan is lost. `bead_app` decides when they are converted.
+//! The programmable voltage detector watches the supply between; it needs no ADC (RM0090 section 5.2.3).
 //!
-//! A supply that rises slowly passes through voltages at which the core runs and flash is read wrongly. So
-//! nothing is done at first but [`wait`]. Flash is erased only after the supply has been good, and is not
+//! A supply that rises slowly passes through voltages at which the core runs but reads flash wrongly. So a
+//! start does nothing before [`wait`]. Flash is erased only after the supply has been good, and is not
 //! written while it is low.
 
 use core::mem;
@@ -34,12 +34,12 @@ const GOOD: u32 = INTERNAL_HZ / 50;
 /// Longest wait for a good supply: 5 s.
 const PATIENCE: u32 = 5 * INTERNAL_HZ;
 
-/// Waits until the supply has been good for 20 ms, at most 5 s. Returns whether it has. Called on the
-/// internal oscillator, first of all but for the watchdog.
+/// Waits until the supply has been good for 20 ms, at most 5 s. Returns `true` if it has been. Called on the
+/// internal oscillator, before anything but the watchdog is started.
 pub(crate) fn wait() -> bool {
     RCC.apb1enr().modify(|w| w.set_pwren(true));
     // A peripheral can be written two clocks after its own was turned on (ES0182, delay after RCC peripheral
-    // clock enabling). To read this back takes as long.
+    // clock enabling). Reading this back takes as long.
     let _ = RCC.apb1enr().read();
     watch();
     let start = DWT::cycle_count();
@@ -72,7 +72,7 @@ pub(crate) fn is_low() -> bool {
     PWR.csr1().read().pvdo()
 }
 
-/// Switches ADC1 on, with the reference voltage and the temperature sensor. They are there after 10 µs, and
+/// Switches ADC1 on, with the reference voltage and the temperature sensor. Both are ready after 10 µs, and
 /// the first conversion comes milliseconds later.
 pub(crate) fn begin(adc: Peri<'static, peripherals::ADC1>) {
     let adc = Adc::new(adc);
@@ -81,7 +81,7 @@ pub(crate) fn begin(adc: Peri<'static, peripherals::ADC1>) {
         ADC1.smpr1()
             .modify(|w| w.set_smp(channel - 10, SampleTime::CYCLES480));
     }
-    // Its drop would switch the converter off.
+    // Dropping it would switch the converter off.
     mem::forget(adc);
 }
 

@@ -7,12 +7,13 @@
 //! measured and nothing drifts. Silicon takes a clock or two to pass on a trigger and an edge, 12 to 48 ns,
 //! the same at every edge and in every bead.
 //!
-//! The count wraps after 51 s. The time driver, whose ticks are sample periods, tells the number of wraps.
+//! The count wraps after 51 s. The number of wraps follows from the time driver, whose ticks are sample
+//! periods.
 //!
 //! # A pin that floats
 //! The timer latches every edge. The core is interrupted for one edge and then for none during [`HOLD_OFF`].
-//! Edges in that time are counted as one, as the timer does not tell how many came. So a storm of edges costs
-//! a hundred short interrupts and frames a second, at the lowest priority, and no sample.
+//! Edges in that time are counted as one, as the timer does not count them. So a storm of edges costs a
+//! hundred short interrupts and frames a second, at the lowest priority, and no sample.
 
 use bead_app::CLOCKS_PER_SAMPLE;
 use bead_wire::{Sync, unwrapped};
@@ -80,17 +81,17 @@ pub(crate) async fn sync(input: SyncInput) -> ! {
         Timer::after(START).await;
     }
     let clocks_now = || Instant::now().as_ticks() * u64::from(CLOCKS_PER_SAMPLE);
-    // Right to a tick, which is enough to choose the wrap.
+    // Accurate to a tick, which is enough to choose the wrap.
     let started = clocks_now() - u64::from(pac::TIM2.cnt().read());
     let (mut edge, mut missed) = (0, 0);
     loop {
         let flags = pac::TIM2.sr().read();
         missed += u32::from(flags.ccif(0));
-        // Only flags that were seen are cleared: ones change nothing (RM0090 section 18.4.5), so an edge
-        // that comes in between is still told.
+        // Only flags that were seen are cleared: ones change nothing (RM0090 section 18.4.5), so an edge that
+        // comes in between is still reported.
         pac::TIM2.sr().write_value(SrGp16(!flags.0));
         capture.wait_for_rising_edge(Channel::Ch1).await;
-        // The driver gives only its low 16 bits.
+        // The driver returns only the low 16 bits.
         let count = pac::TIM2.ccr(0).read();
         missed += u32::from(pac::TIM2.sr().read().ccof(0));
         // The timer was started by the trigger of index 1.

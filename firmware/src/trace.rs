@@ -1,4 +1,4 @@
-//! The record of what ended a boot: where it lies, and what writes it.
+//! The record of the end of a boot: its memory, and the handlers that write it.
 //!
 //! # Design
 //! A panic or a hard fault writes its place and its cause into RAM that a reset does not change (region KEPT
@@ -18,18 +18,18 @@ use embassy_stm32::pac::RCC;
 
 use crate::stack;
 
-/// The number of this boot. It is not read from the record, which its end may find damaged.
+/// The number of this boot. It is kept beside the record, which may be damaged when the boot ends.
 static BOOT: AtomicU32 = AtomicU32::new(0);
 
 const _: () = assert!(size_of::<WindowMemory<RING>>() <= 64 * 1024 - 256);
 
-/// The last windows, as far as the boot before has left them. Called once, after [`begin`].
+/// Takes over the last windows that the previous boot left. Called once, after [`begin`].
 pub(crate) fn windows() -> Windows<'static, RING> {
-    // Boots are counted from power-up, after which there is nothing to take up.
+    // Boots are counted from power-up, after which there is nothing to take over.
     Windows::new(region::windows(), BOOT.load(Ordering::Relaxed) > 0)
 }
 
-/// Counts the boot and takes what the one before left. Called once, first after the reset.
+/// Counts the boot and takes over what the previous one left. Called once, first after the reset.
 pub(crate) fn begin() -> ThisBoot {
     let flags = RCC.csr().read();
     RCC.csr().modify(|w| w.set_rmvf(true));
@@ -41,9 +41,9 @@ pub(crate) fn begin() -> ThisBoot {
     boot
 }
 
-/// Changes the record. Called by tasks of the lowest priority only, so no two changes meet. What ends the
-/// boot may come between the words of a write, but not of this one; the checksums take 20 µs and are made
-/// before it.
+/// Changes the record. Called by tasks of the lowest priority only, so no two changes meet. The critical
+/// section keeps the end of the boot from coming between two words of the write; the checksums take 20 µs
+/// and are made before it.
 pub(crate) fn change(change: impl FnOnce(&mut BootRecord)) {
     if let Some(mut record) = region::read().checked() {
         change(&mut record);
@@ -52,7 +52,7 @@ pub(crate) fn change(change: impl FnOnce(&mut BootRecord)) {
     }
 }
 
-/// Keeps how many frames wait, so that the next boot can tell how many were lost with this one.
+/// Keeps the number of waiting frames, so that the next boot can report how many were lost with this one.
 pub(crate) fn keep_frames_waiting(frames: u32) {
     region::write_waiting(FramesWaiting::new(frames));
 }
@@ -66,10 +66,10 @@ struct Region {
     receive: u32,
 }
 
-/// "image", as no RAM has it after power-up.
+/// RAM does not hold this word after power-up.
 const RECEIVE: u32 = u32::from_be_bytes(*b"imag");
 
-/// Lets the next start wait for an image.
+/// Makes the next start wait for an image.
 pub(crate) fn receive_after_reset() {
     region::write_receive(RECEIVE);
 }
@@ -116,7 +116,7 @@ mod region {
         unsafe { &mut *memory }
     }
 
-    // Once in the image: it is compiled to a load for each word, as is `write` to a store.
+    // Not inlined, to save flash: it is compiled to a load for each word, and `write` to a store for each.
     #[inline(never)]
     pub(super) fn read() -> BootRecord {
         // SAFETY: the symbol is the start of 256 bytes of RAM, aligned to 256, that are reserved for this;
@@ -158,7 +158,8 @@ mod region {
 static ENDING: AtomicBool = AtomicBool::new(false);
 
 /// Writes the record of this boot's end and resets. It logs nothing, since the boot may end inside the
-/// logger: the next one logs the record. Whatever goes wrong here comes back here, and resets at once.
+/// logger: the next one logs the record. A fault in here calls this function again, which then resets at
+/// once.
 fn end(cause: FaultCause, pc: u32, detail: fmt::Arguments<'_>) -> ! {
     cortex_m::interrupt::disable();
     if ENDING.swap(true, Ordering::Relaxed) {
@@ -189,7 +190,7 @@ fn panic(info: &PanicInfo<'_>) -> ! {
     };
     match info.location() {
         Some(at) => {
-            // The file's name alone: its folder is one of the machine that built the image.
+            // Only the file's name: its folder is one of the machine that built the image.
             let file = at.file().rsplit('/').next().unwrap_or_default();
             end(cause, 0, format_args!("{message} ({file}:{})", at.line()))
         }

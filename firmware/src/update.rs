@@ -1,4 +1,4 @@
-//! The flash that images lie in, and what the image that runs has to do with an update.
+//! The flash that holds images, and the part of the running image in an update.
 
 use core::sync::atomic::{AtomicU8, Ordering};
 

@@ -6,7 +6,7 @@
 //! last fed. A task of higher priority that never yields starves this task, and the watchdog resets the bead.
 //! A task that waits for ever is found here, and the panic names it.
 //!
-//! The watchdog runs from the first instructions on, at first with all the time that a start may need
+//! The watchdog runs from the first instructions, at first with all the time that a start may need
 //! ([`watchdog::begin`]). So a start that hangs ends too.
 //!
 //! Status frames leave once a second, the first at boot, so two feedings are at most 1.25 s apart. The
@@ -32,7 +32,7 @@ const PROVEN: u32 = 4;
 /// Watches for ever. Without `sampling` there are no samples to wait for.
 #[embassy_executor::task]
 pub(crate) async fn watch(independent: Peri<'static, peripherals::IWDG>, sampling: bool) -> ! {
-    // Fed first: the start has used up some of its long time, and a short one begins now.
+    // Fed first: the start has used up some of its long timeout, and a short one begins now.
     watchdog::feed();
     let receives = update::stage() == UpdateStage::Receiving;
     let timeout = if receives { RECEIVING_US } else { TIMEOUT_US };

@@ -3,9 +3,9 @@
 use embassy_stm32::pac::IWDG;
 use embassy_stm32::pac::iwdg::vals::{Key, Pr};
 
-/// Starts the watchdog with its longest time: 32.8 s, and 22 s at least. A start takes less between two
-/// feedings: 5 s for the supply, 0.1 s for the crystal; then each erase feeds it, of two sectors in 8 s at
-/// most.
+/// Starts the watchdog with its longest timeout: 32.8 s, and 22 s at least. A start takes less between two
+/// feedings: 5 s for the supply, 0.1 s for the crystal, then 8 s at most for an erase of two sectors, each of
+/// which feeds it.
 pub(crate) fn begin() {
     IWDG.kr().write(|w| w.set_key(Key::START));
     IWDG.kr().write(|w| w.set_key(Key::ENABLE));
@@ -13,7 +13,7 @@ pub(crate) fn begin() {
     IWDG.pr().write(|w| w.set_pr(Pr::DIVIDE_BY256));
 }
 
-/// Gives the start its long time once more.
+/// Gives the start its long timeout once more.
 pub(crate) fn feed() {
     IWDG.kr().write(|w| w.set_key(Key::RESET));
 }

@@ -36,7 +36,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// Runs the scripts, two at a time on two cores, and gives how many failed.
+/// Runs the scripts, two at a time on two cores, and returns the number that failed.
 fn run(count: u64, seed: u64) -> Result<usize, String> {
     let bench = CampaignBench::new()?;
     let (next, failed, measured) = (AtomicU64::new(0), AtomicUsize::new(0), AtomicUsize::new(0));

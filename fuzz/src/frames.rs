@@ -1,4 +1,4 @@
-//! Frames of a bead: every decoder comes to the same verdict, and that of the protocol's page.
+//! Frames of a bead: every decoder comes to the verdict of the protocol's page.
 
 use bead_recording::frames::{Frame, Frames, Item, Piece};
 use bead_recording::protobuf;
@@ -103,7 +103,7 @@ fn same_verdicts(bytes: &[u8]) {
     }
 }
 
-/// A frame that was read can be shown, and written again.
+/// Checks that a frame that was read can be shown, and written again.
 fn told(frame: &Frame) {
     let json = frame.json().to_string();
     let line = printable(&json);

@@ -1,12 +1,12 @@
 //! Invariants of every input from outside, whatever its bytes are.
 //!
 //! # Design
-//! Each module has one function `check`. It gives bytes to all that reads their kind, and panics where
-//! something does not hold. libFuzzer calls it with the bytes that it finds (`cargo xtask fuzz`), and the
+//! Each module has one function `check`. It gives bytes to every reader of their kind, and panics where an
+//! invariant does not hold. libFuzzer calls it with the bytes that it finds (`cargo xtask fuzz`), and the
 //! tests of this crate with the seeds in `corpus` and with mutations of them.
 //!
-//! **Checksums are mended** before bytes are read a second time ([`mod@line`]): with wrong ones alone no
-//! mutation would come beyond them.
+//! **Checksums are mended** before bytes are read a second time ([`mod@line`]): with wrong ones no mutation
+//! would get past them.
 
 pub mod beads;
 pub mod campaign;

@@ -1,5 +1,5 @@
-//! Bytes of a line, read once more by what docs/protocol.md says and by nothing of `bead_wire` but its names
-//! of causes.
+//! A second reader of a line's bytes, made from docs/protocol.md. It uses nothing of `bead_wire` but its
+//! names of causes.
 
 use bead_wire::Cause;
 use crc::{CRC_32_ISO_HDLC, Crc};
@@ -36,10 +36,10 @@ pub fn from_cobs(run: &[u8]) -> Option<Vec<u8>> {
     Some(payload)
 }
 
-/// The bytes of a run that its checksum covers: a header of so many bytes, and a body.
+/// The bytes of a run that its checksum covers: a header of this many bytes, and a body.
 ///
 /// # Errors
-/// The run has more bytes than `most` with its two delimiters, or is no COBS of a header and a right
+/// The run has more bytes than `most` with its two delimiters, or is not COBS of a header and a right
 /// checksum.
 pub fn covered(run: &[u8], most: usize, header: usize) -> Result<Vec<u8>, Cause> {
     if run.len() > most - 2 {

@@ -27,8 +27,8 @@ pub fn check(bytes: &[u8]) {
         assert!(read == bytes.len() && frames as usize <= bytes.len());
         if let Ok(recording) = Recording::open(path) {
             through(&recording);
-            // As many are found if the file counts as damaged, or as raw bytes, where no message and no
-            // channel says that it is a recording.
+            // At least as many are found if the file is read as damaged, or as raw bytes where neither a
+            // message nor a channel marks it as a recording.
             let found = Recording::salvage(path).map_or(frames, |salvaged| salvaged.runs);
             assert!(found >= recording.runs);
         } else if let Ok(recording) = Recording::salvage(path) {

@@ -13,7 +13,7 @@ const NOW: Moment = Moment { boot: 3, index: 1000 };
 ///
 /// # Panics
 /// A verdict is not that of the protocol's page, a request does not come back as it was written, or a locked
-/// bead does what nobody signed.
+/// bead carries out an unsigned request.
 pub fn check(bytes: &[u8]) {
     read(bytes);
     read(&mended(bytes));
@@ -56,7 +56,7 @@ fn read(bytes: &[u8]) {
             !is_signed
         );
         let admitted = locked.admit(address, number, request.clone(), NOW);
-        // No input has a code that nobody made with the key.
+        // No input has a right code, since nobody made one with the key.
         assert_eq!(
             admitted.is_ok(),
             !is_signed && !request.changes_state(),

@@ -49,7 +49,7 @@ pub fn check(bytes: &[u8]) {
     }
 }
 
-/// Time passes in each step, and all that moves has a speed.
+/// Checks that time passes in each step, and that all velocities are finite.
 fn strike(run: &mut Run, end: f64) {
     let bodies = run.model().bodies();
     for _ in 0..STEPS {

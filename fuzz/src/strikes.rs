@@ -36,11 +36,11 @@ const ENDS: [u64; 12] = [
     u64::MAX,
 ];
 
-/// Reads the bytes with right checksums. Each run is received at a time that its last byte gives. The strikes
-/// are looked at once more with sound settings, and with indices at one of the ends.
+/// Reads the bytes with right checksums. The last byte of each run sets its receive time. The strikes are
+/// read once more with sound settings, and with indices at one of the ends.
 ///
 /// # Panics
-/// Something of what frames are made to does not hold.
+/// An invariant of the results does not hold.
 pub fn check(bytes: &[u8]) {
     let stream = mended(bytes);
     let mut clock = 1_700_000_000_000_000_000_u64;
@@ -86,7 +86,7 @@ pub fn check(bytes: &[u8]) {
     }
 }
 
-/// Settings of the paper's bead: with a window of 288 samples, which has room in an input, and with its own.
+/// Settings of the paper's bead: with a window of 288 samples, which fits an input, and with its own.
 static SETTINGS: LazyLock<[Settings; 2]> = LazyLock::new(|| {
     let capture = Capture {
         history: 1.28e-3,
@@ -98,7 +98,7 @@ static SETTINGS: LazyLock<[Settings; 2]> = LazyLock::new(|| {
     [short.expect("the paper's bead has settings"), paper_settings()]
 });
 
-/// Returns the frames without settings, and with samples that are counted so that the first strike begins at
+/// Returns the frames without settings, and with sample indices moved so that the first strike begins at
 /// `first`.
 fn moved(mut frames: Vec<Frame>, first: u64) -> Vec<Frame> {
     frames.retain(|frame| !matches!(frame.message, Message::Settings(_)));

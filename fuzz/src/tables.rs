@@ -37,7 +37,7 @@ pub fn check(bytes: &[u8]) {
     });
 }
 
-/// Returns `true` if XML 1.0 has this character.
+/// Returns `true` if XML 1.0 allows this character.
 fn is_xml(c: char) -> bool {
     matches!(c, '\t' | '\n' | '\r' | ' '..='\u{fffd}' | '\u{10000}'..)
 }

@@ -2,17 +2,17 @@
 
 use hertz_chain::InputError;
 
-/// Longest text that is looked at, bytes. What is longer finds nothing that is not found in this.
+/// Longest text that is read, bytes. Longer ones would find nothing new.
 const LONGEST: usize = 4096;
 
-/// The value that `parse` reads in the bytes, if they are a text that it accepts. A refusal must be told in
+/// Returns the value that `parse` reads in the bytes, if they are a text that it accepts. A refusal must fit
 /// one line.
 pub(crate) fn read<T>(bytes: &[u8], parse: impl FnOnce(&str) -> Result<T, InputError>) -> Option<T> {
     let text = std::str::from_utf8(bytes).ok()?;
     (text.len() <= LONGEST).then(|| accepted(parse(text)))?
 }
 
-/// The value, if it was accepted. A refusal must be told in one line, with an advice.
+/// Returns the value, if it was accepted. A refusal must fit one line, and give advice.
 pub(crate) fn accepted<T>(read: Result<T, InputError>) -> Option<T> {
     let refused = |error: &InputError| {
         let line = error.to_string();

@@ -1,11 +1,12 @@
-//! The image under faults that chance draws, and under the scripts that once found something.
+//! The image under faults drawn at random, and under the scripts that once found something.
 
 use std::fs;
 use std::path::Path;
 
 use bead_fuzz::campaign::{CampaignBench, Script, check, shrunk};
 
-/// The scripts that the tests draw. None has what takes seconds; `cargo xtask campaign` has it all.
+/// The scripts that the tests draw. Unlike those of `cargo xtask campaign`, they have nothing that takes
+/// seconds.
 const DRAWN: std::ops::Range<u64> = 0..20;
 
 #[test]

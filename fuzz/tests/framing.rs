@@ -6,7 +6,7 @@ use bead_fuzz::{frames, requests};
 
 /// Bytes that mean something to COBS or to the header.
 const BYTES: [u8; 6] = [0, 1, 2, 3, 5, 0xFF];
-/// Longest stream of which there is every one.
+/// Greatest length of which all streams are tried.
 const LENGTH: u32 = 5;
 
 #[test]

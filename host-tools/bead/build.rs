@@ -1,12 +1,11 @@
 //! Passes on where the emulator's overlay and the flash image are built, so that `bead` can carry both.
 //!
 //! # Design
-//! `cargo install --path host-tools/bead` has to give a program that emulates wherever it is. So an image
-//! that is not built yet is built here, by a cargo of its own, in the same target directory: for another
-//! target and another profile, cargo takes another lock. Where `cargo xtask` builds the image at the same
-//! time, the second one waits and finds all in place. An image that is there is taken as it is, so that a
-//! change of the firmware does not compile the host tools anew: `cargo xtask build` builds the image anew,
-//! and `bead` is linked with it.
+//! `cargo install --path host-tools/bead` must install a program that can emulate anywhere. A missing image
+//! is therefore built here, by a second cargo in the same target directory: for another target and another
+//! profile, cargo takes another lock. If `cargo xtask` builds the image at the same time, the later one
+//! waits and finds all in place. An existing image is used as it is, so that a change of the firmware does
+//! not recompile the host tools: `cargo xtask build` rebuilds the image, and `bead` is linked with it.
 
 use std::env;
 use std::fs::{self, File};
@@ -34,8 +33,9 @@ fn main() {
         println!(
             "cargo::warning=the flash image is not built, so that `bead` carries none: `cargo xtask build` says why"
         );
-        // Looked for again when there is one. An empty file stands for it until then, since `bead` includes
-        // it: an old one, as cargo compiles again for each file that is newer than this run.
+        // Run again once there is an image. Until then an empty file takes its place, since `bead` includes
+        // it. The file is dated 1970, since cargo reruns this script for every file newer than its last
+        // run.
         println!("cargo::rerun-if-changed={}", image.display());
         let folder = image.parent().expect("it lies in a directory");
         fs::create_dir_all(folder)
@@ -63,7 +63,7 @@ fn target_directory() -> PathBuf {
     folder.expect("a triple lies in the target directory").to_owned()
 }
 
-/// Settings of the build of the host tools, which are not for the image.
+/// Prefixes of variables of the host tools' build, which must not reach the image's build.
 const OF_THIS_BUILD: [&str; 8] = [
     "CARGO_FEATURE_",
     "CARGO_CFG_",
@@ -75,7 +75,7 @@ const OF_THIS_BUILD: [&str; 8] = [
     "CARGO_ENCODED_RUSTFLAGS",
 ];
 
-/// Builds the image. Without the target, or on a system without it, `bead` is built all the same.
+/// Builds the image. If that fails, as without the target, `bead` is still built.
 fn build(root: &Path, image: &Path) {
     let folder = image
         .ancestors()

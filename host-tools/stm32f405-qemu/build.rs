@@ -1,4 +1,4 @@
-//! Says where cargo puts the overlay: this crate as a shared object. Programs include it (`carry_overlay!`).
+//! Publishes the path of the overlay: this crate as a shared object. Programs include it (`carry_overlay!`).
 
 use std::env;
 use std::fs::OpenOptions;
@@ -18,7 +18,7 @@ fn main() {
         env::consts::DLL_SUFFIX
     );
     let built = profile.join("deps").join(name);
-    // A check builds no shared object, and a program that includes it must compile. What is there stays.
+    // A check builds no shared object, but a program that includes it must compile. An existing file stays.
     let _ = OpenOptions::new().write(true).create_new(true).open(&built);
     println!("cargo::rustc-env=STM32F405_QEMU_BUILT={}", built.display());
     // For the build scripts of what depends on this crate: DEP_STM32F405_QEMU_BUILT.

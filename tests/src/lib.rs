@@ -70,7 +70,7 @@ pub fn timed(lead_in: f64, strikes: u32, interval: f64) -> Timing {
     }
 }
 
-/// As [`paper`], the first strike when `timing` says.
+/// As [`paper`], with the strikes at the times of `timing`.
 pub fn paper_at(timing: Timing, seed: Option<u64>) -> Emulation {
     // All tests of a program share the motion.
     static PAPER: LazyLock<(Scenario, Solution)> = LazyLock::new(|| {
@@ -105,8 +105,8 @@ pub fn execute(machine: &Run) -> Outcome {
     machine.execute().unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// When the last byte of the first reply to a request had left the bead, in s as [`Requests::request`] counts
-/// them.
+/// Time at which the last byte of the first reply to a request had left the bead, in s as
+/// [`Requests::request`] counts them.
 pub fn replied(outcome: &Outcome, request: u16) -> Option<f64> {
     let mut decoder = bead_wire::Decoder::new();
     let mut sent = outcome.uart.iter().zip(&outcome.uart_ns);
@@ -238,7 +238,7 @@ impl Requests {
     }
 
     /// Sends a request `at` s after the start that follows [`SUPPLY_WAIT`], or after what is still being
-    /// sent; gives its number, counted from 0.
+    /// sent; returns its number, counted from 0.
     pub fn request(&mut self, at: f64, request: &Request) -> u16 {
         let number = self.next;
         self.next += 1;
@@ -272,8 +272,7 @@ impl Requests {
         }
     }
 
-    /// When the image takes the first scan, in the time of [`request`](Self::request). No request changes
-    /// that.
+    /// Time of the image's first scan, in s as [`request`](Self::request) counts them. No request changes it.
     pub fn first_scan(&self) -> f64 {
         let mut quick = self.machine.clone();
         quick.stimulus.truncate(1);
@@ -296,7 +295,7 @@ pub struct RequestsRun {
     pub outcome: Outcome,
     /// Frames from the bead.
     pub received: RunFrames,
-    /// The codes that it was given: row `i` is scan `i + 1`.
+    /// The codes that the bead was given: row `i` is scan `i + 1`.
     pub rows: Vec<[u16; 4]>,
     /// The settings block that a probe had put into its flash.
     pub block: Vec<u8>,

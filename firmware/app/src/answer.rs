@@ -9,8 +9,8 @@ pub(crate) fn done() -> Answer {
     (Outcome::Done, Detail::default())
 }
 
-/// Refuses what would write flash while the supply is low.
-// Once in the image: an answer is long to build.
+/// Returns the refusal of a flash write while the supply is low.
+// Not inlined, to save flash: building an answer takes many instructions.
 #[inline(never)]
 pub(crate) fn supply_low() -> Answer {
     let why = "the supply is below 2.93 V: nothing was written; try again when it is good";

@@ -33,20 +33,20 @@ pub struct BeadState<D> {
     pub(crate) outbox: Outbox,
     pub(crate) settings: Exchange,
     pub(crate) windows: SharedCell<Windows<'static, RING>>,
-    /// A window was closed.
+    /// Signalled when a window is closed.
     pub(crate) window_closed: Signal<CriticalSectionRawMutex, ()>,
     /// True while the detector is switched off.
     pub(crate) disarmed: AtomicBool,
-    /// The scan around which a host wants the window kept.
+    /// Scan around which a host has asked for a window.
     pub(crate) wanted_scan: Signal<CriticalSectionRawMutex, u64>,
     pub(crate) raw_blocks_left: AtomicU32,
-    /// The scans that find what the bead's own outputs played last.
+    /// Scans that sample the last playback on the bead's own outputs.
     pub(crate) played: SharedCell<PlayedScans>,
     pub(crate) load: SharedCell<LoadCounter>,
 }
 
 impl<D: Device> BeadState<D> {
-    /// A bead before its boot: it has no settings, and keeps no window.
+    /// Creates the state of a bead before its boot, without settings and windows.
     pub const fn new(device: D) -> Self {
         Self {
             device,
@@ -66,7 +66,7 @@ impl<D: Device> BeadState<D> {
         }
     }
 
-    /// Takes settings and the windows that the boot before left. Called once, before the tasks start.
+    /// Takes over settings, and the windows that the previous boot left. Called once, before the tasks start.
     pub fn begin(&self, boot: &ThisBoot, loaded: Loaded, windows: Windows<'static, RING>) {
         self.boot.store(boot.number, Ordering::Relaxed);
         self.windows.set(windows);
@@ -86,8 +86,7 @@ impl<D: Device> BeadState<D> {
         self.boot.load(Ordering::Relaxed)
     }
 
-    /// Arms or disarms the detector from the next block on. A strike that is being measured is finished
-    /// first.
+    /// Arms or disarms the detector from the next block. A strike that is being measured is finished first.
     pub(crate) fn arm(&self, armed: bool) {
         self.disarmed.store(!armed, Ordering::Relaxed);
     }
@@ -96,13 +95,13 @@ impl<D: Device> BeadState<D> {
         !self.disarmed.load(Ordering::Relaxed)
     }
 
-    /// Returns `true` if scans come: the crystal runs, and the part is the right one.
+    /// Returns `true` if the bead makes scans: the crystal runs, and the part is the right one.
     pub(crate) fn has_scans(&self) -> bool {
         let standing = self.snapshot().health.standing;
         !standing.has(Standing::CRYSTAL_FAILED) && !standing.has(Standing::PART_WRONG)
     }
 
-    /// Notes that other settings are in force, and gives them. The next frames have their address.
+    /// Records a change of the settings in force, and returns them. Later frames carry their address.
     pub(crate) fn settings_changed(&self) -> Settings {
         let settings = self.settings.in_force().with(|loaded| loaded.settings);
         self.outbox.set_address(settings.description().address);
@@ -142,8 +141,8 @@ impl<D: Device> BeadState<D> {
         });
     }
 
-    /// Sets the counts of what went wrong to 0. Sequence numbers, strike numbers and the counts that the
-    /// watchdog checks stay.
+    /// Clears the counts of errors. Sequence numbers, strike numbers and the counts that the watchdog checks
+    /// stay.
     pub(crate) fn reset_counters(&self) {
         self.update(|c| {
             c.overruns = 0;

@@ -1,4 +1,4 @@
-//! Consecutive scans that go from the converter to the estimators as one, without a copy.
+//! Blocks of consecutive scans, passed from the converter to the estimators without a copy.
 
 use core::sync::atomic::AtomicU32;
 
@@ -13,11 +13,11 @@ pub const SCANS_PER_BLOCK: usize = 200;
 /// Time that a block takes to fill, in µs.
 pub const BLOCK_US: u32 = SCANS_PER_BLOCK as u32 * 1_000_000 / SAMPLE_RATE_HZ;
 
-/// Room for the codes of a block, as the converter gives them, scan after scan: a word for each sensor, the
-/// high gain in the lower half.
+/// Buffer for the codes of a block as the converter delivers them, scan after scan: a word for each sensor,
+/// with the high gain in the lower half.
 ///
-/// The DMA writes to it and the core reads it. So it is made of atomics: what they hold may change at any
-/// time, and a plain load reads one.
+/// The DMA writes to it while the core reads it, so it consists of atomics: their values may change at any
+/// time, and loading one is a plain load.
 pub struct BlockCodes(pub [[AtomicU32; CHANNELS / 2]; SCANS_PER_BLOCK]);
 
 impl BlockCodes {
@@ -35,7 +35,7 @@ impl Default for BlockCodes {
 
 /// Consecutive scans.
 pub struct ScanBlock {
-    /// Changes where samples are missing before this block.
+    /// Differs from that of the block before if samples between the two are missing.
     pub epoch: u32,
     /// Index of the first scan.
     pub first_index: u64,

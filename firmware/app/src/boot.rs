@@ -1,9 +1,8 @@
 //! The record that a boot ended by a fault leaves for the next boot, and the number of the boot.
 //!
 //! # Design
-//! The record lies in memory that a reset does not change. A checksum tells it from the random contents of
-//! RAM after power-up. The reset flag of a power-up is looked at as well, since RAM may survive a short loss
-//! of power.
+//! The record is in memory that a reset does not change. A checksum distinguishes it from the random contents
+//! of RAM after power-up. The power-up flag is checked as well, since RAM may survive a short loss of power.
 
 use bead_crc::checksum_of;
 use bead_wire::{Detail, FaultCause, MAX_DETAIL};
@@ -14,7 +13,7 @@ pub struct ThisBoot {
     pub number: u32,
     /// Bits 31..24 of RCC_CSR.
     pub reset_cause: u8,
-    /// The fault that ended the boot before, if one did.
+    /// The fault that ended the previous boot, if any.
     pub ended_by: Option<BootFault>,
     /// The last fault that ended a boot since power-up.
     pub last_fault: Option<BootFault>,
@@ -23,7 +22,7 @@ pub struct ThisBoot {
     /// Number of boots in a row, up to this one, that ended in a fault before they were
     /// [`proven`](BootRecord::prove).
     pub failed: u32,
-    /// Frames that the boot before had made and not completely sent.
+    /// Frames that the previous boot had made but not completely sent.
     pub frames_lost: u32,
     /// Settings that were written lately, as [`bead_store::Pace`] counts them.
     pub settings_written: u32,
@@ -60,7 +59,7 @@ impl FramesWaiting {
         }
     }
 
-    /// The number, if this is one.
+    /// Returns the number if its inverse matches.
     fn number(self) -> Option<u32> {
         (self.inverted == !self.frames).then_some(self.frames)
     }
@@ -70,7 +69,8 @@ impl FramesWaiting {
 const DETAIL: usize = MAX_DETAIL / 4;
 const _: () = assert!(MAX_DETAIL.is_multiple_of(4));
 
-/// The record. It has plain words only: any memory contents are a value of it, and it is read word by word.
+/// The record. It consists of plain words: any memory contents are a valid value, and it is read word by
+/// word.
 #[derive(Clone, Copy)]
 #[repr(C)]
 pub struct BootRecord {
@@ -121,8 +121,8 @@ impl BootRecord {
         }
     }
 
-    /// Counts the boot and takes what the one before left, if it `survived` the reset. `reset_cause` holds
-    /// the bits 31..24 of RCC_CSR. Gives the boot and the record to keep.
+    /// Counts the boot and takes over the record of the previous one, if it `survived` the reset.
+    /// `reset_cause` holds bits 31..24 of RCC_CSR. Returns the boot and the record to keep.
     pub fn begin(survived: Option<Self>, waiting: FramesWaiting, reset_cause: u8) -> (ThisBoot, Self) {
         const POWER_ON: u8 = 1 << 3;
         const WATCHDOG: u8 = 1 << 5;
@@ -155,7 +155,7 @@ impl BootRecord {
     }
 
     /// The record, if its checksum holds.
-    // Once in the image.
+    // Not inlined, to save flash.
     #[inline(never)]
     pub fn checked(self) -> Option<Self> {
         (self.magic == MAGIC && self.crc == self.checksum()).then_some(self)
@@ -168,7 +168,7 @@ impl BootRecord {
         self
     }
 
-    /// This boot has run long enough: the boots that failed before it count no longer.
+    /// Marks this boot as one that has run long enough: earlier failed boots no longer count.
     pub const fn prove(&mut self) {
         self.failed = 0;
     }

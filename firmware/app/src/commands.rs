@@ -28,14 +28,14 @@ use crate::{raw, self_test, settings};
 /// Longest wait for the frames that are queued when the host asks for a reboot.
 const DRAIN: u64 = 500 * MS;
 
-/// A strike is sent again within this time, or not: other requests wait meanwhile.
+/// Time limit for sending a strike again, since other requests wait meanwhile.
 const FETCH: u64 = 500 * MS;
 
-/// Time after the start at which an image on trial checks itself: one second, in which a boot proves itself,
-/// and some more, so that sensors and supply were looked at.
+/// Time after the start at which an image on trial checks itself: the second in which a boot proves itself,
+/// and a margin for the checks of sensors and supply.
 const TRIAL: u64 = 1200 * MS;
 
-/// Scans of a minute: a window that is asked for comes within it.
+/// Scans in a minute, within which the scan of a requested window has to come.
 const MINUTE: u64 = 60 * SAMPLE_RATE_HZ as u64;
 
 /// Counters of signed requests that one write to flash covers.
@@ -46,7 +46,7 @@ pub struct Commands<D: Device> {
     bead: &'static BeadState<D>,
     boot: &'static ThisBoot,
     store: Vault<D::Flash>,
-    /// Of the writes to it.
+    /// Pace of the writes to `store`.
     pace: Pace,
     /// The lock that admits requests.
     lock: Lock,
@@ -59,7 +59,7 @@ pub struct Commands<D: Device> {
 enum RequestStep {
     /// Its answer.
     Reply(Answer),
-    /// Settings were offered. Once they are in force, the answer has this line.
+    /// Settings were offered. The answer follows once they are in force, with this line.
     InForce(&'static str),
     SelfTest,
     /// A strike is to be sent again.
@@ -142,18 +142,18 @@ impl<D: Device> Commands<D> {
         reply(bead, number, answer);
     }
 
-    /// A bead that waits for an image and hears nothing more of it goes back to measuring. Called every
-    /// second.
+    /// Ends an update without recent requests: a bead that waits for an image resets, and measures again.
+    /// Called every second.
     pub async fn end_idle_update(&mut self) {
         if self.updates.is_idle(&self.bead.device) {
             reboot(self.bead).await
         }
     }
 
-    /// If the image is on trial: checks it, and confirms it or gives it up; a reset follows.
+    /// Checks the image if it is on trial, and confirms it or gives it up; a reset follows.
     ///
     /// # Panics
-    /// The image failed its self-test: the loader goes back to the one before, which sends the text.
+    /// The image failed its self-test: the loader returns to the previous image, which sends the message.
     pub async fn end_trial(&mut self) {
         let device = &self.bead.device;
         if device.update_stage() != UpdateStage::OnTrial {
@@ -164,7 +164,7 @@ impl<D: Device> Commands<D> {
         if let Some(check) = verdict.image_failed {
             panic!("the image on trial failed its self-test: {check}");
         }
-        // Flash that is written at a low supply may be read as something else.
+        // Flash written at a low supply may read back differently.
         while device.supply_is_low() {
             device.sleep(MS).await;
         }
@@ -172,7 +172,7 @@ impl<D: Device> Commands<D> {
         reboot(self.bead).await
     }
 
-    /// Does what a request asks for, as far as nothing has to be waited for.
+    /// Carries out a request as far as that needs no waiting.
     fn begin(&mut self, heard: ReceivedRequest) -> RequestStep {
         let done = heard
             .request
@@ -185,12 +185,12 @@ impl<D: Device> Commands<D> {
         done.unwrap_or_else(RequestStep::Reply)
     }
 
-    /// Lets a request through that changes nothing, or that is signed if the bead has a key.
+    /// Admits a request that changes nothing, or that is signed if the bead has a key.
     ///
-    /// A counter must not be used again after a power cut, so flash keeps one that is not below it:
-    /// [`COUNTERS`] ahead, which saves writes. If flash cannot keep it, because it is full, the supply low or
-    /// too much was written lately, what does not write flash itself is done all the same: a bead can always
-    /// be disarmed and reset by its owner.
+    /// A counter must not be used again after a power cut, so flash holds one at least as high: [`COUNTERS`]
+    /// ahead, which saves writes. If flash cannot be written, because it is full, the supply is low or too
+    /// much was written lately, requests that do not write flash themselves are carried out all the same: the
+    /// owner can always disarm and reset the bead.
     fn admit(&mut self, address: u8, number: u16, request: Request) -> Result<Request, Answer> {
         if self.store.is_unreadable() && request.changes_state() {
             return self.admit_without_store(request);
@@ -251,7 +251,7 @@ impl<D: Device> Commands<D> {
         (outcome, detail)
     }
 
-    /// Keeps another key, or none.
+    /// Stores another key, or removes it.
     fn set_key(&mut self, bytes: [u8; KEY]) -> Result<(), Answer> {
         let key = Key::new(bytes);
         let counter = self.store.secret().map_or(0, |secret| secret.counter);
@@ -304,7 +304,7 @@ impl<D: Device> Commands<D> {
                 }
                 self.bead.wanted_scan.signal(index);
             }
-            // None is left: the lock has taken out what it carries.
+            // Unreachable: the lock has already unwrapped signed requests.
             Request::Signed { .. } => return Err(not_understood(Cause::Body)),
             Request::Image => return Ok(RequestStep::Image),
             Request::Hold {
@@ -338,7 +338,7 @@ impl<D: Device> Commands<D> {
             .ok_or_else(|| (Outcome::OutOfRange, why.into()))
     }
 
-    /// Refuses what needs scans while none comes.
+    /// Refuses a request that needs scans if the bead makes none.
     fn scans_come(&self) -> Result<(), Answer> {
         if self.bead.has_scans() {
             return Ok(());
@@ -347,8 +347,8 @@ impl<D: Device> Commands<D> {
         Err((Outcome::OutOfRange, why.into()))
     }
 
-    /// Checks new settings, stores them, reads them back and offers them. They are derived twice, so that
-    /// none are on the stack while the store is written.
+    /// Checks new settings, stores them, reads them back and offers them. They are derived twice, which keeps
+    /// them off the stack while the store is written.
     fn write_settings(&mut self, block: &[u8]) -> Result<RequestStep, Answer> {
         check_settings(block)?;
         self.write(|store| store.write(block))?;
@@ -364,8 +364,8 @@ impl<D: Device> Commands<D> {
         }
     }
 
-    /// Erases the stored settings and offers the next ones. The reply says where those come from. Never
-    /// inlined, as the other.
+    /// Erases the stored settings and offers the next ones. The reply names their source. Never inlined, like
+    /// `offer_stored`.
     #[inline(never)]
     fn erase_settings(&mut self) -> Result<RequestStep, Answer> {
         self.write(Vault::clear)?;
@@ -384,8 +384,8 @@ impl<D: Device> Commands<D> {
         change(&mut self.store).map_err(not_stored)
     }
 
-    /// Counts a write to flash, if it may be written now. What is written while the supply is low may be read
-    /// as something else.
+    /// Counts a write to flash, if one is allowed now. Data written at a low supply may read back
+    /// differently.
     #[inline(never)]
     fn count_write(&mut self) -> Result<(), Answer> {
         let device = &self.bead.device;
@@ -397,9 +397,8 @@ impl<D: Device> Commands<D> {
         Ok(())
     }
 
-    /// While the store cannot be read, nobody knows whether there is a key. So a bead does what changes
-    /// nothing, and a reboot, which may bring the store back: signed or not, as there is nothing to check a
-    /// signature with.
+    /// Admits only a reboot, signed or not, while the store cannot be read: nobody knows whether there is a
+    /// key to check a signature with, and a reboot may bring the store back.
     fn admit_without_store(&self, request: Request) -> Result<Request, Answer> {
         match request {
             Request::Reboot => Ok(request),
@@ -485,7 +484,7 @@ async fn reboot<D: Device>(bead: &BeadState<D>) -> ! {
 
 /// Waits until all frames have left, before a reset, or for [`DRAIN`].
 async fn drain<D: Device>(bead: &BeadState<D>) {
-    // Or strikes would go on to fill the outbox.
+    // Otherwise further strikes would keep filling the outbox.
     bead.arm(false);
     let deadline = bead.device.now() + DRAIN;
     while bead.snapshot().frames_waiting > 0 && bead.device.now() < deadline {

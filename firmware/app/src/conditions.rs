@@ -1,11 +1,11 @@
-//! Supply and temperature of the die, measured while no strike is.
+//! Supply and temperature of the die, measured between strikes.
 //!
 //! # Design
-//! A converter of its own does it ([`Device::convert`]), so that no scan is lost. Each block reads the
-//! conversion that the block before has started, so nobody waits for one. [`PAIRS`] conversions of the
-//! reference voltage and of the temperature sensor, in turn, make a measurement, in 34 ms. It begins every
-//! [`EVERY`] blocks. While a strike is measured it pauses, since the other converter shares the supply; it
-//! goes on all the same if that lasts for [`LATEST`] blocks.
+//! A separate converter does it ([`Device::convert`]), so that no scan is lost. Each block reads the
+//! conversion that the block before started, so nothing waits for one. [`PAIRS`] conversions of the reference
+//! voltage and of the temperature sensor, in turn, make a measurement, in 34 ms. It begins every [`EVERY`]
+//! blocks. It pauses while a strike is measured, since the other converter shares the supply, unless that
+//! lasts for [`LATEST`] blocks.
 
 use bead_wire::{Conditions, Temperature, Voltage};
 
@@ -16,7 +16,7 @@ const PAIRS: u32 = 8;
 const CHANNELS: [InternalChannel; 2] = [InternalChannel::Reference, InternalChannel::Temperature];
 /// Blocks from one measurement to the next: 100 ms.
 const EVERY: u32 = 50;
-/// Blocks without a measurement after which it does not wait for the end of strikes: 8 s.
+/// Blocks without a measurement after which strikes no longer delay one: 8 s.
 const LATEST: u32 = 4000;
 /// Supply of the factory's measurements, V, and temperatures of the two points (DocID022152, temperature
 /// sensor calibration values), °C.
@@ -44,9 +44,9 @@ impl ConditionsMeter {
         }
     }
 
-    /// Goes on with a measurement, once in a block. Returns its result with its last block, and that of its
-    /// first pair if there was none for [`LATEST`] blocks. `None` too where the codes are none of a good
-    /// part.
+    /// Continues a measurement; called once a block. Returns the result in its last block, and that of the
+    /// first pair if there was none for [`LATEST`] blocks. Also returns `None` if the codes are not those of
+    /// a good part.
     pub(crate) fn take(&mut self, device: &impl Device, is_measuring: bool) -> Option<Conditions> {
         self.age = self.age.saturating_add(1);
         if self.age < EVERY || is_measuring && self.age < LATEST {
@@ -85,7 +85,7 @@ fn conditions(factory: &FactoryCodes, sums: [u32; 2], count: u32) -> Option<Cond
     let [low, high] = factory.temperatures.map(f32::from);
     let at = (temperature * ratio - low) / (high - low);
     let [cold, hot] = FACTORY_POINTS;
-    // Erased words and a converter that hangs give none of these.
+    // Rejects erased words and the codes of a converter that hangs.
     let is_sound = FactoryCodes::REFERENCE.contains(&factory.reference)
         && high - low >= FactoryCodes::LEAST_RISE
         && (1.5..4.0).contains(&supply);

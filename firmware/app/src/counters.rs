@@ -2,8 +2,8 @@
 
 use bead_wire::Health;
 
-/// Counts since the reset. Each has one writer. A field without a text here has the meaning of the field of
-/// the same name in [`bead_wire::Status`].
+/// Counts since the reset. Each has one writer. A field without a comment has the meaning of the field of the
+/// same name in [`bead_wire::Status`].
 #[derive(Clone, Copy, Default)]
 #[expect(missing_docs, reason = "see above")]
 pub struct BeadCounters {
@@ -25,14 +25,14 @@ pub struct BeadCounters {
     pub frames_dropped_too_long: u32,
     /// Frames that the transmitter has sent; wraps.
     pub frames_sent: u32,
-    /// Frames that wait or are being sent; the next boot reads it after a reset.
+    /// Frames that wait or are being sent. The next boot reads this number after a reset.
     pub frames_waiting: u32,
     pub armed: bool,
     /// Counts of the health frame.
     pub health: Health,
 }
 
-/// Clocks of the core for blocks since they were last told.
+/// Core clocks spent on blocks since the last load frame.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct LoadCounter {
     pub(crate) blocks: u32,

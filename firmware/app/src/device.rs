@@ -14,7 +14,7 @@ pub trait Device: 'static {
     type Flash: NorFlash;
     /// Timer behind the trigger line.
     type Line: LineTimer;
-    /// Flash that images lie in.
+    /// Flash that holds images.
     type ImageFlash: NorFlash;
 
     /// Version of the firmware.
@@ -32,7 +32,7 @@ pub trait Device: 'static {
     const UPDATE_KEY: [u8; 32];
     /// The stage of an update that the running image is in.
     fn update_stage(&self) -> UpdateStage;
-    /// Lets the next start wait for an image.
+    /// Makes the next start wait for an image.
     fn receive_after_reset(&self);
     /// Waits at least for this time.
     fn sleep(&self, periods: u64) -> impl Future<Output = ()>;
@@ -50,11 +50,11 @@ pub trait Device: 'static {
     fn converted(&self) -> Option<u16>;
     /// Puts these codes on the two outputs, PA4 and PA5, or switches them off.
     fn hold(&self, codes: Option<[u16; 2]>);
-    /// Starts to play pairs of codes on outputs that hold a pair, one each sample period, at most
-    /// [`PLAYED`](bead_model::made_up::PLAYED) of them. `about` is the index of a scan of the last seconds.
-    /// Returns the index of the first scan that finds the first pair.
+    /// Starts playing pairs of codes on outputs that hold a pair, one each sample period, at most
+    /// [`PLAYED`](bead_model::made_up::PLAYED) of them. `about` is the index of a scan within the last
+    /// seconds. Returns the index of the first scan that samples the first pair.
     fn play(&self, codes: impl Iterator<Item = [u16; 2]>, about: u64) -> u64;
-    /// Ends to play: the last pair stays. Returns `true` if all were played.
+    /// Stops playing; the last pair stays on the outputs. Returns `true` if all were played.
     fn end_play(&self) -> bool;
     /// The image in flash.
     fn image(&self) -> &'static [u8];
@@ -62,7 +62,7 @@ pub trait Device: 'static {
     fn image_address(&self) -> u32 {
         self.image().as_ptr().addr() as u32
     }
-    /// Hangs, for the watchdog.
+    /// Hangs until the watchdog resets the bead.
     fn hang(&self) -> !;
     /// Returns `true` while the supply is below 2.93 V.
     fn supply_is_low(&self) -> bool;
@@ -70,9 +70,9 @@ pub trait Device: 'static {
     fn stack_never_used(&self) -> u32;
     /// The sector that a debug probe writes settings to.
     fn probe_settings(&self) -> &'static [u8];
-    /// Keeps over a reset how many frames wait.
+    /// Stores the number of waiting frames where it survives a reset.
     fn keep_frames_waiting(&self, frames: u32);
-    /// Keeps over a reset how many settings were written lately ([`bead_store::Pace`]).
+    /// Stores the count of settings written lately ([`bead_store::Pace`]) where it survives a reset.
     fn keep_settings_written(&self, written: u32);
     /// Resets the bead.
     fn reset(&self) -> !;
@@ -90,14 +90,15 @@ pub enum InternalChannel {
 /// Codes that the factory measured at a supply of 3.3 V.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct FactoryCodes {
-    /// Of the reference voltage at 30 °C.
+    /// Code of the reference voltage at 30 °C.
     pub reference: u16,
-    /// Of the temperature sensor at 30 and 110 °C.
+    /// Codes of the temperature sensor at 30 and 110 °C.
     pub temperatures: [u16; 2],
 }
 
 impl FactoryCodes {
-    /// Codes of a good part's reference: 1.18 to 1.24 V (DocID022152, embedded reference voltage), and more.
+    /// Codes of a good part's reference: 1.18 to 1.24 V (DocID022152, embedded reference voltage), and a
+    /// margin.
     pub(crate) const REFERENCE: core::ops::RangeInclusive<u16> = 1400..=1600;
     /// Least difference of a good part's two temperatures: 0.4 of 80 °C · 2.5 mV/°C.
     pub(crate) const LEAST_RISE: f32 = 100.0;
@@ -112,8 +113,8 @@ pub trait LineTimer {
     fn last_edge(&self) -> u32;
     /// Returns `true` while the line is low.
     fn is_low(&self) -> bool;
-    /// Lets the line fall at this count.
+    /// Pulls the line low at this count.
     fn pull_at(&mut self, count: u32);
-    /// Lets the line go.
+    /// Releases the line.
     fn release(&mut self);
 }

@@ -1,7 +1,7 @@
 //! The strike meter over blocks of scans; its results become frames.
 //!
 //! # Design
-//! `bead-model` does the work. There are 2 ms for a block. Four blocks may be on their way, so a burst of
+//! `bead-model` does the work. There are 2 ms for a block. Up to four blocks may be under way, so a burst of
 //! work may take four times as long before a block is lost.
 
 use bead_model::{Chunk, Meter, Origin, Settings, Sink};
@@ -21,7 +21,7 @@ pub struct Estimation<D: Device> {
     watch: SensorWatch,
     conditions: ConditionsMeter,
     results: StrikeResults<D>,
-    /// The scan that a host has asked for, and that has not come.
+    /// Scan around which a host has asked for a window, and which is still to come.
     wanted: Option<u64>,
     armed: bool,
     epoch: u32,
@@ -33,7 +33,7 @@ pub struct Estimation<D: Device> {
 }
 
 impl<D: Device> Estimation<D> {
-    /// Work with a new `meter`; the `settings` hold until others are offered.
+    /// Creates the work with a new `meter`. The `settings` apply until others are offered.
     pub fn new(
         bead: &'static BeadState<D>,
         settings: Settings,
@@ -73,8 +73,8 @@ impl<D: Device> Estimation<D> {
         self.next_index = block.first_index + SCANS_PER_BLOCK as u64;
         self.open_window_if_asked();
         // A steady stream of strikes would starve settings and the owner's requests, and fill the line with
-        // pieces of windows. So there is a time at which none is measured, and no window begins that finds no
-        // room.
+        // pieces of windows. So none is measured while settings are offered or the bead is disarmed, and no
+        // window begins without room for it.
         let passing = bead.settings.is_offered() || !bead.is_armed() || !bead.outbox.has_room(self.room);
         self.meter.pass_over(passing);
         if !self.meter.is_measuring() {
@@ -104,7 +104,7 @@ impl<D: Device> Estimation<D> {
         });
     }
 
-    /// Counts the block that was taken as done. Called when it was given back.
+    /// Counts the block that was taken as done. Called after the block is given back.
     pub fn count_block(&mut self) {
         let (bead, meter) = (self.results.bead, &self.meter);
         bead.update(|c| {
@@ -112,7 +112,7 @@ impl<D: Device> Estimation<D> {
             c.strikes = meter.strikes();
             c.armed = self.armed && meter.is_armed();
         });
-        // Since this was called last.
+        // Since the last call.
         let passed_over = meter.passed_over() - self.passed_over;
         let in_dead_time = meter.in_dead_time() - self.in_dead_time;
         if (passed_over, in_dead_time) != (0, 0) {
@@ -169,25 +169,25 @@ fn process_block(settings: &Settings, meter: &mut Meter, block: &ScanBlock, sink
     meter.process_words(settings, block.first_index, &block.codes.0, sink);
 }
 
-/// Sends what the meter finds, and keeps it.
+/// Sends the results of the meter, and keeps them.
 struct StrikeResults<D: Device> {
     bead: &'static BeadState<D>,
     /// Scans of a window up to the trigger.
     history: u16,
-    /// Of the sensors in the window that is being measured.
+    /// Of the sensors, in the window that is being measured.
     stillness: Stillness,
     /// Room for a frame.
     packed: Packed,
     line: TriggerLine<D::Line>,
     /// Of the window that is being measured.
     origin: Origin,
-    /// At their last measurement.
+    /// Supply and temperature, when last measured.
     conditions: Option<Conditions>,
 }
 
 impl<D: Device> Sink for StrikeResults<D> {
     fn found(&mut self, trigger_index: u64) {
-        // The bead plays this strike to itself: its neighbours have none.
+        // The bead plays this strike to itself: its neighbours feel none.
         if !self.bead.played.get().is_in(trigger_index, 1) {
             self.line.pull(trigger_index);
         }
@@ -205,7 +205,7 @@ impl<D: Device> Sink for StrikeResults<D> {
 
     fn report(&mut self, strike: &Strike, shape: &Shape) {
         let bead = self.bead;
-        // Interrupts wait while a line is logged, so it has no more than the frames cannot do without.
+        // Interrupts wait while a line is logged, so it holds only the essentials.
         #[cfg(feature = "defmt")]
         defmt::info!(
             "strike {=u32} at sample {=u64}, flags {=u32:#08x}",

@@ -11,16 +11,16 @@ use crate::shared::SharedCell;
 
 /// Settings in force, and those that are offered to the estimators.
 ///
-/// They change places by a number: to copy them under a lock would keep interrupts waiting.
+/// An index swaps their places: copying them under a lock would keep interrupts waiting.
 pub(crate) struct Exchange {
     places: [SharedCell<Loaded>; 2],
-    /// Which place has those in force.
+    /// Index of the place with the settings in force.
     place: AtomicUsize,
-    /// Number of their changes; wraps.
+    /// Number of changes of the settings in force; wraps.
     pub(crate) changes: AtomicU32,
     /// True while settings are offered. It is read for every block, and costs little.
     is_offered: AtomicBool,
-    /// The estimators have taken the settings that were offered.
+    /// Signalled when the estimators have taken the offered settings.
     pub(crate) taken: Signal<CriticalSectionRawMutex, ()>,
 }
 
@@ -40,16 +40,16 @@ impl Exchange {
         &self.places[self.place.load(Ordering::Acquire) & 1]
     }
 
-    /// Offers settings. An offer that was not taken gives way.
+    /// Offers settings. They replace an offer that was not taken.
     pub(crate) fn offer(&self, loaded: Loaded) {
-        // Withdrawn first: else it could be taken now, and its place would be the one in force.
+        // Withdraws an earlier offer first: if it were taken now, its place would be the one in force.
         self.is_offered.store(false, Ordering::Relaxed);
         self.taken.reset();
         self.places[(self.place.load(Ordering::Acquire) ^ 1) & 1].set(loaded);
         self.is_offered.store(true, Ordering::Release);
     }
 
-    /// Puts the settings that are offered in force.
+    /// Puts the offered settings in force.
     pub(crate) fn take(&self) {
         self.is_offered.store(false, Ordering::Relaxed);
         self.place.fetch_xor(1, Ordering::AcqRel);
@@ -79,7 +79,7 @@ impl Exchange {
         )
     }
 
-    /// Returns `true` if a strike in these conditions is not at the supply of the settings in force.
+    /// Returns `true` if the supply in these conditions is not that of the settings in force.
     pub(crate) fn is_supply_off(&self, conditions: Option<&Conditions>) -> bool {
         self.in_force()
             .with(|loaded| loaded.settings.supply_is_off(conditions))

@@ -40,7 +40,8 @@ impl<D: Device> BeadState<D> {
         self.queue(&mut Packed::new(), &message.into(), 0);
     }
 
-    /// As [`send`](Self::send), if this still holds when the message is queued. Returns what it found.
+    /// Queues a message as [`send`](Self::send) does, if `holds` returns `true` at that moment. Returns its
+    /// result.
     pub(crate) fn send_if(&self, message: impl Into<Message>, holds: impl FnOnce() -> bool) -> bool {
         let mut packed = Packed::new();
         let whole = self.pack(&mut packed, &message.into());
@@ -53,7 +54,7 @@ impl<D: Device> BeadState<D> {
         })
     }
 
-    // Once in the image: a message is long to build, and it is built where the core should do something else
+    // Not inlined: building a message takes many instructions, and its callers should do something else
     // quickly.
     #[inline(never)]
     fn queue(&self, packed: &mut Packed, message: &Message, keep: usize) {
@@ -94,9 +95,9 @@ impl<D: Device> BeadState<D> {
         }
     }
 
-    /// Waits until a request may be done. A host that sends requests without end shall not take the room that
-    /// the window of a strike needs, so this waits for that and for its own. If it does not come in time,
-    /// strikes take it: then only the room for replies must be there, and it always comes.
+    /// Waits until a request may be carried out. A host that sends requests without end must not take the
+    /// room that the window of a strike needs, so this waits for that room and its own. If strikes take that
+    /// room for [`PATIENCE`], it waits only for the room for replies, which always becomes free.
     pub(crate) async fn wait_for_room(&self) {
         let deadline = self.device.now() + PATIENCE;
         let window = || self.outbox.window.load(Ordering::Relaxed);
@@ -108,8 +109,8 @@ impl<D: Device> BeadState<D> {
         }
     }
 
-    /// Waits until another frame in bulk leaves the room that the window of a strike needs. Returns false if
-    /// that does not come in time: then strikes take it.
+    /// Waits until there is room for another bulk frame beside the window of a strike. Returns false if
+    /// strikes take that room until the deadline.
     pub(crate) async fn wait_for_spare(&self, deadline: u64) -> bool {
         while !self.outbox.has_spare(self.outbox.window.load(Ordering::Relaxed)) {
             if self.device.now() >= deadline {

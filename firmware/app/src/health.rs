@@ -3,16 +3,15 @@
 //! # Design
 //! Every [`STEP`]th scan of a block is checked, which costs four instructions a sample. The codes of a
 //! channel are combined by OR and by AND. If both results are the same, the code never moved. If all codes
-//! are next to one rail, their high bits agree. A fault begins when it has held for the last [`SPANS`] spans
-//! of [`SPAN`] blocks, 50 ms, and ends with the first block in which it does not hold. So it is found 50 to
-//! 60 ms after it began. Its begin and its end are reported, at most twenty times a second.
+//! are next to one rail, their high bits agree. A fault is found when it has held for the last [`SPANS`]
+//! spans of [`SPAN`] blocks, 50 to 60 ms after it began, and ends with the first block in which it does not
+//! hold. Its beginning and its end are reported, at most twenty times a second.
 //!
-//! The noise of a sensor moves its code. In the worst case the signal lies in the middle between two steps of
-//! the code: noise of a quarter of a code then changes about thirty of the 625 codes that are checked. A
-//! sensor with less noise looks stuck, and is reported as stuck. A sensor is stuck or railed if one of its
-//! two channels is.
+//! The noise of a sensor moves its code. In the worst case the signal is midway between two steps of the
+//! code: noise of a quarter of a code then changes about thirty of the 625 codes that are checked. A sensor
+//! with less noise is reported as stuck. A sensor is stuck or railed if one of its two channels is.
 //!
-//! A sensor that stands still for less than that is found if a strike is measured meanwhile: see
+//! A sensor that stands still for less than 50 ms is found if a strike is measured meanwhile: see
 //! [`Stillness`].
 
 use core::sync::atomic::{AtomicU32, Ordering};
@@ -59,7 +58,7 @@ impl CodeBits {
         all: u32::MAX,
     };
 
-    /// Of codes that have moved.
+    /// Bits of codes that have moved.
     const MOVED: Self = Self {
         any: u32::MAX,
         all: 0,
@@ -105,7 +104,7 @@ struct SensorHealth {
 impl SensorHealth {
     const fn new(stuck: WatchedCondition, railed: WatchedCondition) -> Self {
         Self {
-            // Unlike any sensor that is stuck: what was before the first block is not known.
+            // Moved, since the codes before the first block are not known.
             spans: [CodeBits::MOVED; SPANS],
             verdict: SensorVerdict::Good,
             stuck,
@@ -137,7 +136,7 @@ impl SensorHealth {
 
     fn becomes<D: Device>(&mut self, bead: &BeadState<D>, found: SensorVerdict) {
         self.verdict = found;
-        // An end is reported before a begin.
+        // The end of a fault is reported before the beginning of another.
         if found != SensorVerdict::Railed {
             self.railed.set(bead, false);
         }
@@ -156,7 +155,7 @@ struct WatchedCondition {
 }
 
 impl WatchedCondition {
-    /// Reports its begin and its end.
+    /// Reports the beginning or the end of the condition.
     fn set<D: Device>(&mut self, bead: &BeadState<D>, holds: bool) {
         if holds == self.holds {
             return;
@@ -264,12 +263,12 @@ impl SensorWatch {
 /// Detector of a sensor whose codes stand still in the window of a strike.
 ///
 /// # Design
-/// Noise moves the code, and for how long it may rest is seen before the trigger. A rest after it that is
-/// [`TIMES`] as long, and at least [`LEAST`], is no noise: a wire has come off, or an amplifier hangs. Such a
-/// strike is flagged, since its estimates may be off by per cents and look sound. A sensor without noise
-/// rests before the trigger too, and is never found here. Rests are measured in groups of [`GROUP`] scans,
-/// which costs a few instructions a sample of a window. Codes at a rail do not count: a loud strike puts the
-/// high gain there.
+/// Noise moves the code, and the scans before the trigger show how long it may rest. A rest after the trigger
+/// that is [`TIMES`] as long, and at least [`LEAST`], is not noise: a wire has come off, or an amplifier
+/// hangs. Such a strike is flagged, since its estimates may be off by per cents and look sound. A sensor
+/// without noise rests before the trigger too, and is never found here. Rests are measured in groups of
+/// [`GROUP`] scans, which costs a few instructions a sample of a window. Codes at a rail do not count: a loud
+/// strike drives the high gain there.
 pub(crate) struct Stillness {
     /// Scans of the window so far.
     seen: u16,
@@ -281,12 +280,12 @@ pub(crate) struct Stillness {
 struct RestingCode {
     code: u16,
     groups: u16,
-    /// Most in a row before the trigger, and after it.
+    /// Longest run of such groups before the trigger, and after it.
     most: [u16; 2],
 }
 
 const GROUP: usize = 32;
-/// Least rest that is told, in groups: 1.28 ms.
+/// Least rest that is reported, in groups: 1.28 ms.
 const LEAST: u16 = 4;
 /// Ratio of a suspicious rest to the longest one before the trigger.
 const TIMES: u16 = 6;
@@ -320,7 +319,7 @@ impl Stillness {
 }
 
 /// The code at the high gain, if it is the same in all of these scans and not at a rail. As a rule the first
-/// two differ.
+/// two scans already differ.
 fn resting(group: &[Scan; GROUP], sensor: impl Fn(&Scan) -> Pair) -> Option<u16> {
     let code = |scan| sensor(scan).sensitive().get();
     let [first, rest @ ..] = group;

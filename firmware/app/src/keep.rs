@@ -2,9 +2,9 @@
 //!
 //! # Design
 //! The frames of a strike are copied into memory that a reset leaves alone ([`bead_store::Windows`]; region
-//! WINDOWS of `memory.x`): the settings, the waveform, the strike, its shape. The copy is made where
-//! the frame is, in some 100 instructions for 32 scans. The checksums take longer; a task of the lowest
-//! priority makes them little by little after the strike.
+//! WINDOWS of `memory.x`): the settings, the waveform, the strike, its shape. Each frame is copied where it
+//! is made, in some 100 instructions for 32 scans. The checksums take longer: a task of the lowest priority
+//! makes them little by little after the strike.
 //!
 //! Fetched frames are bulk: they leave the room that the window of a strike needs, so they never cost one.
 
@@ -30,7 +30,7 @@ pub(crate) struct Refetch {
 pub(crate) enum RefetchStep {
     Sent,
     Complete,
-    /// It gave way to newer ones.
+    /// The strike gave way to newer ones.
     Gone,
 }
 
@@ -67,13 +67,13 @@ impl<D: Device> BeadState<D> {
         }
     }
 
-    /// The strike is complete.
+    /// Closes the window of a complete strike.
     pub(crate) fn close_window(&self) {
         self.windows.with(Windows::close);
         self.window_closed.signal(());
     }
 
-    /// The strike was cut: it has no result.
+    /// Gives up the window of a strike that was cut and has no result.
     pub(crate) fn abandon_window(&self) {
         self.windows.with(Windows::abandon);
     }
@@ -84,7 +84,7 @@ impl<D: Device> BeadState<D> {
             self.window_closed.wait().await;
             loop {
                 self.device.sleep(PAUSE).await;
-                // The blocks of a strike are busy enough.
+                // The core is busy enough during a strike.
                 if self.windows.with(|windows| windows.is_filling()) {
                     continue;
                 }

@@ -1,7 +1,7 @@
 //! A made-up window, and the results of the estimators for it.
 //!
-//! The results on the bead must be the same, bit for bit, as on any other computer: a test on the host is
-//! compiled with this file too, and holds the results in `built_in.rs`.
+//! The results on the bead must be the same, bit for bit, as on any other computer: a test on the host
+//! compiles this file too, and compares the results with those in `built_in.rs`.
 
 use bead_model::made_up::{MadeUpIntruder, pulse};
 use bead_model::{Scan, Settings, Window, WindowRecord};

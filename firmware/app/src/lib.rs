@@ -4,7 +4,7 @@
 //! # Design
 //! [`BeadState`] is the state that tasks of every priority share. All of it is empty or zero at first, so
 //! that a static takes no flash. [`Estimation`] and [`Commands`] each belong to one task. They reach the
-//! hardware by the trait [`Device`] alone: the image implements it for the STM32F405, and tests for a
+//! hardware only through the trait [`Device`], which the image implements for the STM32F405, and tests for a
 //! computer.
 #![no_std]
 #![forbid(unsafe_code)]

@@ -20,7 +20,7 @@ impl<D: Device> BeadState<D> {
         });
     }
 
-    /// Sends the clocks since this was last called.
+    /// Sends the clocks counted since the last call.
     pub(crate) fn send_load(&self) {
         let mut told = LoadCounter::default();
         self.load.update(|load| told = core::mem::take(load));

@@ -18,9 +18,8 @@ use crate::settings::Loaded;
 const PATIENCE: u64 = 100 * MS;
 
 impl<D: Device> BeadState<D> {
-    /// Offers settings to the estimators. [`settings_taken`](Self::settings_taken) waits for them; a task
-    /// that waits does not hold the settings. A bead that its old settings kept from looking for strikes
-    /// begins to, and the other way round.
+    /// Offers settings to the estimators; [`settings_taken`](Self::settings_taken) then waits without holding
+    /// them. Arms or disarms the bead if the new settings differ from the old ones in that.
     pub(crate) fn offer_settings(&self, loaded: Loaded) {
         let arm = loaded.arm();
         if arm != self.settings.arm() {
@@ -31,8 +30,8 @@ impl<D: Device> BeadState<D> {
         self.settings.offer(loaded);
     }
 
-    /// Waits until the settings that were offered are in force. A strike that is being measured is finished
-    /// first. Returns false if no block of samples came in time: then they hold from the first block on.
+    /// Waits until the offered settings are in force. A strike that is being measured is finished first.
+    /// Returns false if no block of samples came in time: the settings then apply from the first block.
     pub(crate) async fn settings_taken(&self) -> bool {
         let taken = select(self.settings.taken.wait(), self.device.sleep(PATIENCE)).await;
         matches!(taken, Either::First(()))
@@ -51,8 +50,8 @@ impl<D: Device> BeadState<D> {
     }
 
     /// Queues a frame with the block in force. If the settings change between reading and queueing, the block
-    /// is read again: else the old one would be told after the new one, and replay would take it for the one
-    /// in force. To do both in one lock would keep interrupts waiting for 20 µs.
+    /// is read again: otherwise the old one would be sent after the new one, and replay would take it for the
+    /// one in force. Doing both under one lock would keep interrupts waiting for 20 µs.
     pub(crate) fn send_settings(&self) {
         loop {
             let changes = || self.settings.changes.load(Ordering::Acquire);

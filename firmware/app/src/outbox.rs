@@ -1,10 +1,10 @@
 //! The queue of frames, and the room that is kept in it.
 //!
 //! # Design
-//! **Room is kept for replies.** What comes in bulk leaves [`KEPT`] bytes free: waveforms, strikes, raw scans
-//! and edges. Replies, what a request asks for, what is told every second and faults may use them. So a bead
-//! answers whatever its settings, its sensors and its line make it send. While a frame can leave, that room
-//! becomes free again within 10 ms, since nothing in bulk may take it.
+//! **Room is kept for replies.** Bulk frames leave [`KEPT`] bytes free: waveforms, strikes, raw scans and
+//! edges. Replies, requested data, the reports of each second and faults may use them. So a bead answers
+//! whatever its settings, its sensors and its line make it send. While frames can leave, that room becomes
+//! free again within 10 ms, since bulk frames may not take it.
 
 use core::cell::RefCell;
 use core::sync::atomic::{AtomicU8, AtomicUsize, Ordering};
@@ -20,7 +20,7 @@ const SPARE: usize = taken(Packed::MAX) + KEPT / 2;
 
 pub(crate) struct Outbox {
     pub(crate) queue: Mutex<CriticalSectionRawMutex, RefCell<Queue<OUTBOX>>>,
-    /// A frame was put in.
+    /// Signalled when a frame is put in.
     pub(crate) filled: Signal<CriticalSectionRawMutex, ()>,
     /// Bytes that the window of a strike needs.
     pub(crate) window: AtomicUsize,
@@ -63,7 +63,7 @@ impl Outbox {
         self.room() >= window
     }
 
-    /// Returns `true` if another frame in bulk leaves `window` bytes and some spare ones.
+    /// Returns `true` if bulk may still take `window` and [`SPARE`] bytes.
     pub(crate) fn has_spare(&self, window: usize) -> bool {
         self.room() >= window + SPARE
     }

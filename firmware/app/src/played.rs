@@ -1,10 +1,10 @@
 //! A bead on a bench: its own outputs play to its inputs, over two wires (`docs/bench.md`).
 //!
 //! # Design
-//! The outputs are on only while a request is carried out, at the lowest priority: nothing costs anything
-//! afterwards. Inputs jump when outputs are switched. So the bead looks for no strikes then, and is armed
-//! again while strikes are played. Every window that has a scan of this time in it is flagged: no host can
-//! take one for a measurement.
+//! The outputs are on only while a request is carried out, at the lowest priority, and cost nothing
+//! afterwards. Inputs jump when outputs are switched, so the detector is disarmed then, and armed only while
+//! strikes are played. Every window with a scan of this time is flagged, so that no host takes it for a
+//! measurement.
 
 use bead_crc::RunningChecksum;
 use bead_model::made_up::{PLAYED, REST, played};
@@ -17,11 +17,12 @@ use crate::played_scans::PlayedScans;
 
 /// Longest time of a request: the host waits a second for the reply.
 const LONGEST_MS: u32 = 400;
-/// From strike to strike: a strike, and the time to begin the next.
+/// Least interval of strikes, ms: a strike, and the time to begin the next.
 const LEAST_MS: u32 = 5;
-/// From one level to another: the output settles in 6 µs, and blocks become armed or disarmed.
+/// Wait after a change of level or of arming: an output settles in 6 µs, and arming takes effect with a
+/// block.
 const SETTLED: u64 = 3 * SCANS_PER_BLOCK as u64;
-/// The detector looks back this far at most, and needs some quiet.
+/// Quiet before the first strike: the detector looks back this far at most, and needs some quiet.
 const QUIET: u64 = 20 * MS;
 /// Scans within which a window is complete: the longest has 1024, and the meter lags by as many.
 const COMPLETE: u64 = 20 * MS;
@@ -31,9 +32,9 @@ const PIECE: usize = 4096;
 
 /// A task for the outputs.
 pub(crate) enum Play {
-    /// Codes, and for how many ms.
+    /// Codes, and the time to hold them, ms.
     Hold([u16; 2], u32),
-    /// How many strikes, and ms from one to the next.
+    /// Number of strikes, and the time from one to the next, ms.
     Strikes(u32, u32),
 }
 
@@ -50,11 +51,11 @@ impl Play {
         is_allowed.then_some(Self::Strikes(count, interval_ms))
     }
 
-    /// Carries the task out. Afterwards the bead is then armed or not as before, and the outputs are off.
+    /// Carries the task out. Afterwards the bead is armed or disarmed as before, and the outputs are off.
     pub(crate) async fn carry_out<D: Device>(self, bead: &BeadState<D>) {
         let armed = bead.is_armed();
         let first = bead.snapshot().newest_index;
-        // Until it is over, no window ends it.
+        // Open-ended until the playback is over.
         bead.played.set(PlayedScans::new(first, u64::MAX));
         bead.arm(false);
         bead.device.sleep(SETTLED).await;

@@ -1,6 +1,6 @@
 //! The scans in which a bead on a bench plays to itself.
 
-/// Scans whose windows are no measurement: from the first up to, and without, the end.
+/// Range of scans whose windows are not measurements; `end` is not part of it.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct PlayedScans {
     first: u64,
@@ -12,7 +12,7 @@ impl PlayedScans {
         Self { first, end }
     }
 
-    /// Returns `true` if a window has one of them.
+    /// Returns `true` if a window contains one of the scans.
     pub(crate) fn is_in(self, first_index: u64, samples: u16) -> bool {
         first_index < self.end && first_index + u64::from(samples) > self.first
     }

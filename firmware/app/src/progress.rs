@@ -2,7 +2,7 @@
 
 use crate::counters::BeadCounters;
 
-/// Checks in a row without new samples or without a frame that left, after which this panics: 1.25 s.
+/// Consecutive checks without new samples or without a sent frame before a panic: 1.25 s.
 const SILENCE: u32 = 5;
 
 /// Progress of a bead's tasks, checked four times a second.
@@ -41,7 +41,7 @@ impl Progress {
                 panic!("estimation hangs");
             }
         }
-        // Samples that are dropped are counted as well: a bead that drops all of them measures nothing.
+        // `samples` counts dropped ones as well, and a bead that drops all of them measures nothing.
         let came = now.blocks_handed_on != self.fed.blocks_handed_on;
         if (came || !self.sampling) && now.frames_sent != self.fed.frames_sent {
             self.fed = now;

@@ -2,8 +2,8 @@
 //!
 //! # Design
 //! The link cannot carry 100 000 scans a second: about half of them leave. Scans are queued in pieces behind
-//! all that already waits, and only while the outbox has room for the window of a strike as well. A piece
-//! that is not queued takes no sequence number. It is counted, and the sample indices show the gap.
+//! all waiting frames, and only while the outbox has room for the window of a strike as well. A piece that is
+//! not queued takes no sequence number. It is counted, and the sample indices show the gap.
 
 use core::sync::atomic::Ordering;
 
@@ -31,7 +31,7 @@ impl<D: Device> BeadState<D> {
     /// Queues a block if there is a stream, and leaves `room` bytes of the outbox free. At the end of the
     /// stream, sends how many scans were dropped.
     pub(crate) fn offer_raw(&self, block: &ScanBlock, room: usize) {
-        // Nothing changes it between load and store: `start_raw` runs at a lower priority.
+        // The count does not change between load and store: `start_raw` runs at a lower priority.
         let left = self.raw_blocks_left.load(Ordering::Relaxed);
         if left == 0 {
             return;

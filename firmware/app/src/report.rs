@@ -1,4 +1,4 @@
-//! Identity, settings, status, health and link of the bead, told at boot and every second.
+//! Identity, settings, status, health and link of the bead, sent at boot and every second.
 
 use bead_wire::{Detail, Fault, FaultCause, Identity, LastFault, ResetCauses, Status, Update, UpdateStage};
 
@@ -9,8 +9,8 @@ use crate::device::{Device, MS};
 use crate::settings::RefusedSettings;
 
 impl<D: Device> BeadState<D> {
-    /// Sends everything at boot, with the fault that ended the boot before, why settings were `refused`, and
-    /// the faults that the start has `found`.
+    /// Sends everything due at boot, with the fault that ended the previous boot, the reason why settings
+    /// were `refused`, and the faults that the start has `found`.
     pub fn report_boot(
         &self,
         boot: &ThisBoot,
@@ -36,7 +36,7 @@ impl<D: Device> BeadState<D> {
         }
     }
 
-    /// Sends identity, last fault, settings and status, as once a second.
+    /// Sends identity, last fault, settings and status. Called at boot and once a second.
     pub fn report(&self, boot: &ThisBoot) {
         self.send_identity(boot);
         if let Some(last) = &boot.last_fault {
@@ -88,7 +88,7 @@ impl<D: Device> BeadState<D> {
         self.fault_with(cause, detail.into());
     }
 
-    /// [`fault`](Self::fault) with a detail that was put together.
+    /// [`fault`](Self::fault) with a formatted detail.
     fn fault_with(&self, cause: FaultCause, detail: Detail) {
         #[cfg(feature = "defmt")]
         defmt::warn!("{=str}", detail.as_str());

@@ -1,4 +1,4 @@
-//! The checks that the bead can make of itself.
+//! Checks that the bead runs on itself.
 
 use bead_model::WindowRecord;
 use bead_model::settings::Settings;
@@ -86,8 +86,8 @@ pub(crate) async fn run<D: Device>(
     }
 }
 
-/// Results of the estimators for the made-up window that are not what they should be. Never inlined: a window
-/// would be in the frame of a task.
+/// Counts the estimators' results for the made-up window that are wrong. Never inlined: a window would be in
+/// the frame of a task.
 #[inline(never)]
 fn differing_results(window: &mut WindowRecord) -> usize {
     known_answer::results(&settings::of_known_answer(), window)
@@ -97,7 +97,7 @@ fn differing_results(window: &mut WindowRecord) -> usize {
         .count()
 }
 
-/// True if the bead could measure with these settings. Never inlined, as the other.
+/// Returns `true` if the bead could measure with these settings. Never inlined, like the function above.
 #[inline(never)]
 fn holds_settings(block: &[u8]) -> bool {
     Settings::decode(block).is_ok()

@@ -33,14 +33,14 @@ pub struct Loaded {
     pub refused: Option<RefusedSettings>,
 }
 
-/// Why settings in flash were refused.
+/// Reason for refusing settings in flash.
 #[derive(Clone, Copy)]
 pub enum RefusedSettings {
     /// No block, or one that is damaged.
     Damaged(&'static str),
     /// An intact block that this image must not replace by other settings unasked.
     Foreign(&'static str),
-    /// A bead cannot work with them.
+    /// Settings that a bead cannot work with.
     Invalid(Violation),
 }
 
@@ -80,7 +80,7 @@ impl From<SettingsError> for RefusedSettings {
 const FAILED: u32 = 5;
 
 impl Loaded {
-    /// Where they came from, for the log.
+    /// The source of the settings, for the log.
     pub fn origin(&self) -> &'static str {
         match self.source {
             SettingsSource::Stored => "came over the link",
@@ -93,15 +93,15 @@ impl Loaded {
         }
     }
 
-    /// Returns `true` if the bead looks for strikes with them unasked.
+    /// Returns `true` if the bead looks for strikes unasked with these settings.
     pub(crate) fn arm(&self) -> bool {
         !matches!(self.refused, Some(RefusedSettings::Foreign(_)))
     }
 
     /// Finds the settings at start-up: in the store, in the sector `probe`, or built in. A block in flash
     /// that fails its check is refused as a whole: the next settings in order are used, and a fault frame
-    /// says so. If five boots in a row have failed, those in flash are left alone: whatever they made the
-    /// bead do, it can be reached again.
+    /// says so. If five boots in a row have failed, settings in flash are ignored, so that the bead can be
+    /// reached whatever they made it do.
     pub fn find<F: NorFlash>(store: &mut Vault<F>, opened: Opened, probe: &[u8], failed: u32) -> Self {
         if failed >= FAILED {
             return Self {

@@ -5,7 +5,7 @@ use core::cell::RefCell;
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 
-/// A value behind a lock that keeps interrupts waiting. It has none at first.
+/// A value behind a lock that keeps interrupts waiting; empty at first.
 pub(crate) struct SharedCell<T>(Mutex<CriticalSectionRawMutex, RefCell<Slot<T>>>);
 
 // `Empty` has the tag 0: an empty one is all zeros, and takes no flash.
@@ -21,7 +21,7 @@ impl<T> SharedCell<T> {
     }
 
     pub(crate) fn set(&self, value: T) {
-        // Made before: under the lock it is copied once.
+        // Made outside the lock, so that under it there is a single copy.
         let slot = Slot::Full(value);
         self.0.lock(|cell| *cell.borrow_mut() = slot);
     }
@@ -49,7 +49,7 @@ impl<T: Copy + Default> SharedCell<T> {
         });
     }
 
-    /// The value at one moment.
+    /// Returns a copy of the value.
     pub(crate) fn get(&self) -> T {
         self.0.lock(|cell| match &*cell.borrow() {
             Slot::Full(value) => *value,

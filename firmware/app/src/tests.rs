@@ -1,4 +1,4 @@
-//! The image's built-in settings, and the known answer of its self-test, are what this computer derives.
+//! Checks that this computer derives the image's built-in settings and the known answer of its self-test.
 
 use std::string::String;
 use std::vec::Vec;

@@ -2,23 +2,23 @@
 //! others when, so that those that feel less than their threshold keep the same instant.
 //!
 //! # Design
-//! A strike is found a block later than it came, so the time at which the line falls must not depend on that:
-//! it falls [`DELAY`] scans after the scan that triggered. The timer makes the edge itself and latches the
-//! edges of others ([`LineTimer`]). So the core looks at two registers a block, and no edge interrupts it.
+//! A strike is found a block later than it came, so the time of the edge must not depend on that: the line
+//! falls [`DELAY`] scans after the scan that triggered. The timer makes the edge itself and latches the edges
+//! of others ([`LineTimer`]). So the core reads two registers a block, and no edge interrupts it.
 //!
 //! The delay is longer than a wave takes through sixteen beads: 5.1 ms in the paper's chain at 0.1 m/s,
 //! 5.8 ms if each holds an intruder of 12 g. A bead that feels the wave has found it by itself when the line
 //! falls, and measures it as if there were no line. The others look back by the delay.
 //!
 //! # Strikes close together
-//! A line that is low falls no more. So a strike whose line would have to fall while this bead still pulls
-//! for the one before is not told. One whose line has to fall later waits until the bead has let go. No
-//! counter of the protocol has these strikes: each bead finds what it feels by itself.
+//! A line that is already low cannot fall. So a strike whose edge is due while this bead still pulls for the
+//! previous one is not signalled. A strike whose edge is due later waits until the bead has let go. No
+//! counter of the protocol counts these strikes: each bead finds what it feels by itself.
 //!
-//! # A wire that is not as it should be
-//! A pull lasts until two blocks later at least. An edge counts only if the line is still low when the core
-//! looks at it, [`TOUCH`] later at least, so touch and cross-talk open no window. An open line is high by the
-//! pull-up. A line that stays low is reported once; each bead then goes on by itself.
+//! # Wiring faults
+//! A pull lasts at least two blocks. An edge counts only if the line is still low when the core checks it, at
+//! least [`TOUCH`] later, so touch and cross-talk open no window. The pull-up keeps an open line high. A line
+//! that stays low is reported once; each bead then works by itself.
 
 use crate::block::{SAMPLE_RATE_HZ, SCANS_PER_BLOCK};
 use crate::device::LineTimer;
@@ -26,17 +26,17 @@ use crate::device::LineTimer;
 /// Clocks of the timer in a sample period.
 pub const CLOCKS_PER_SAMPLE: u16 = (84_000_000 / SAMPLE_RATE_HZ) as u16;
 
-/// Scans from the one that triggers to the one at which the line falls. It is part of what beads agree on.
+/// Scans from the trigger to the fall of the line. All beads on a line must agree on this number.
 const DELAY: u64 = 600;
 /// The least time, in clocks, in which a compare can still be set.
 const AHEAD: i32 = 1000;
 /// Clocks for which the line has to be low: 0.1 ms.
 const TOUCH: u32 = 8400;
-/// Scans for which a bead pulls at least.
+/// Least length of a pull, in scans.
 const HOLD: u64 = 2 * SCANS_PER_BLOCK as u64;
 /// Scans after which a bead that pulled has let go.
 const APART: u64 = HOLD + SCANS_PER_BLOCK as u64;
-/// Blocks after which a line that is low is held low: 50 ms. Sixteen beads, one after another, pull for 7 ms.
+/// Blocks after which a low line counts as held low: 50 ms. Sixteen beads, one after another, pull for 7 ms.
 const HELD: u32 = 25;
 
 // The meter keeps enough of the past: the delay, and the block in which the edge comes.
@@ -45,7 +45,7 @@ const _: () = assert!(
         <= bead_model::meter::REACH
 );
 
-/// An instant that another bead tells of, as sample indices.
+/// An instant that another bead signals, as sample indices.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct LineEdge {
     /// The scan that triggered there.
@@ -78,9 +78,9 @@ impl<T: LineTimer> TriggerLine<T> {
         }
     }
 
-    /// Tells the others of the strike that this scan triggered. One that is found later than the line has to
-    /// fall, as in the milliseconds after a window, is not told, nor is one whose line has to fall while it
-    /// is low.
+    /// Signals to the others the strike that this scan triggered. A strike is not signalled if it is found
+    /// after its edge is due, as in the milliseconds after a window, or if its edge is due while the line is
+    /// low.
     pub(crate) fn pull(&mut self, trigger_index: u64) {
         let index = trigger_index + DELAY;
         match self.pulled {
@@ -92,7 +92,7 @@ impl<T: LineTimer> TriggerLine<T> {
         }
     }
 
-    /// Lets the line fall at a scan, if there is still time to tell the timer.
+    /// Pulls the line at a scan, if there is still time to set the timer.
     fn fall_at(&mut self, index: u64) {
         let count = count_at(index);
         if count.wrapping_sub(self.timer.count()) as i32 >= AHEAD {
@@ -107,7 +107,7 @@ impl<T: LineTimer> TriggerLine<T> {
         self.low = if is_low { self.low.saturating_add(1) } else { 0 };
         let latched = self.timer.last_edge();
         if is_low && self.timer.count().wrapping_sub(latched) < TOUCH {
-            // The next check is not too late.
+            // The next check is early enough.
             return None;
         }
         let fell = core::mem::replace(&mut self.latched, latched) != latched;
@@ -135,7 +135,7 @@ impl<T: LineTimer> TriggerLine<T> {
     }
 }
 
-/// The timer's count at the trigger of a scan: that of index 1 starts it.
+/// The timer's count at the trigger of a scan. The trigger of index 1 starts the timer.
 fn count_at(index: u64) -> u32 {
     (index as u32)
         .wrapping_sub(1)

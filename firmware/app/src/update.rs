@@ -1,14 +1,14 @@
-//! Another image over the line.
+//! Receives another image over the line.
 //!
 //! # Design
-//! Flash of one bank cannot be read while a sector is erased, and the code lies in it: the core stands still
-//! for a second or two. So a bead that measures erases nothing. It judges the manifest of the image, and
-//! resets into a start that takes no samples ([`UpdateStage::Receiving`]): there it erases and takes the
-//! image. Whatever becomes of that, a reset ends it.
+//! The flash has one bank, which cannot be read while a sector is erased. The code is in it, so the core
+//! stands still for a second or two. A bead that measures therefore erases nothing: it judges the manifest of
+//! the image, and resets into a start that takes no samples ([`UpdateStage::Receiving`]), which erases and
+//! receives the image. A reset ends the update, whatever its outcome.
 //!
-//! The image on trial confirms itself when it has passed its self-test, by an erase too, and a reset
-//! follows. Whatever else ends a trial, a panic, the watchdog or a power cut, the loader goes back to the
-//! image before.
+//! An image on trial that passes its self-test confirms itself, which takes another erase, and a reset
+//! follows. If anything else ends the trial, such as a panic, the watchdog or a power cut, the loader returns
+//! to the previous image.
 
 use bead_update::manifest::Manifest;
 use bead_update::nor_flash::NorFlash;
@@ -21,12 +21,12 @@ use crate::bead::BeadState;
 use crate::block::SAMPLE_RATE_HZ;
 use crate::device::Device;
 
-/// A bead that waits for an image gives up after this time without a request of the update.
+/// Time without an update request after which a bead no longer waits for an image.
 const PATIENCE: u64 = 10 * SAMPLE_RATE_HZ as u64;
 /// Bytes that an erase makes room for at a time.
 const PAGE: usize = bead_update::layout::PAGE;
 
-/// The image that comes.
+/// The images in flash, and the one being received.
 pub(crate) struct Updates<F> {
     images: Images<F>,
     reception: Option<Reception>,
@@ -46,7 +46,7 @@ impl<F> Updates<F> {
 
 impl<F: NorFlash> Updates<F> {
     /// Judges an image by its manifest, and makes room for it. Returns `true` if the bead has to reset first,
-    /// to stop acquisition; it is asked again then.
+    /// to stop acquisition; the host then repeats the request.
     #[inline(never)]
     pub(crate) fn begin<D: Device>(
         &mut self,
@@ -118,7 +118,7 @@ impl<F: NorFlash> Updates<F> {
         done.map_err(said)
     }
 
-    /// Returns `true` if the bead waits for an image, and hears nothing more of it.
+    /// Returns `true` if the bead waits for an image, and the last request of the update is too long ago.
     pub(crate) fn is_idle<D: Device>(&self, device: &D) -> bool {
         device.update_stage() == UpdateStage::Receiving && device.now() > self.heard + PATIENCE
     }
@@ -126,7 +126,7 @@ impl<F: NorFlash> Updates<F> {
     /// Confirms the image on trial.
     ///
     /// # Panics
-    /// The flash does not take it: the loader goes back to the image before.
+    /// The flash cannot be written: the loader returns to the previous image.
     pub(crate) fn confirm(&self) {
         if self.images.confirm().is_err() {
             panic!("the flash does not take that the image on trial is good");
@@ -134,7 +134,7 @@ impl<F: NorFlash> Updates<F> {
     }
 }
 
-/// The answer to an image that is not taken. Its manifest may say more.
+/// The answer that refuses an image, with details from its manifest where they help.
 #[inline(never)]
 fn refused(refusal: Refusal, expected: &Expected<'_>, manifest: &[u8]) -> Answer {
     let Ok(image) = Manifest::read(manifest) else {
@@ -156,7 +156,7 @@ fn refused(refusal: Refusal, expected: &Expected<'_>, manifest: &[u8]) -> Answer
     (Outcome::ImageRefused, why)
 }
 
-/// The answer to a refusal that needs no more words.
+/// The answer to a refusal that needs no details.
 fn said(refusal: Refusal) -> Answer {
     let outcome = match refusal {
         Refusal::Flash => Outcome::FlashFailed,

@@ -17,7 +17,7 @@ pub fn checksum(bytes: &[u8]) -> u32 {
 }
 
 /// The CRC of `parts`, one after the other.
-// Once in the image, for its size.
+// Never inlined, so that it is in the image once.
 #[inline(never)]
 pub fn checksum_of(parts: &[&[u8]]) -> u32 {
     let mut digest = CRC.digest();
@@ -38,7 +38,7 @@ impl Default for RunningChecksum {
 }
 
 impl RunningChecksum {
-    /// Of no bytes yet.
+    /// The CRC of no bytes.
     pub fn new() -> Self {
         Self(CRC.digest())
     }

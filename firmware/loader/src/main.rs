@@ -1,10 +1,10 @@
-//! The loader of the sensing absorber bead: what runs first after every reset.
+//! The loader of the sensing absorber bead: the first program after every reset.
 //!
 //! # Design
-//! It swaps images if the bead asked for it, and starts the one that is active. `bead_update::swap` says
-//! how. It runs from the internal oscillator, as the part does after a reset, and touches nothing else: not
-//! the reset flags, which the bead reads, and not the upper half of the SRAM, where the bead keeps what
-//! outlives a reset. If nothing is to be swapped, this takes less than a millisecond.
+//! It swaps images if the bead asked for it, and starts the active one (`bead_update::swap`). It runs from
+//! the internal oscillator, as the part does after a reset, and leaves alone the reset flags, which the bead
+//! reads, and the upper half of the SRAM, where the bead keeps what survives a reset. If nothing is to be
+//! swapped, this takes less than a millisecond.
 //!
 //! The watchdog runs from here on, with its longest time: an image that hangs in its first instruction is
 //! reset too, and swapped back if it was on trial.
@@ -37,7 +37,7 @@ fn main() -> ! {
         wait_for_supply();
     }
     if swap::prepare::<_, PAGE>(flash, &Layout::BEAD).is_err() {
-        // The flash did not do it: the power may be going. The next start goes on.
+        // The flash failed, perhaps because the power is failing. The next start continues.
         SCB::sys_reset();
     }
     start(FLASH + Layout::BEAD.active.start)
@@ -47,7 +47,7 @@ fn feed() {
     IWDG.kr().write(|w| w.set_key(Key::RESET));
 }
 
-/// Waits until the supply is above 2.9 V: below 2.7 V flash is not written as it should be. If it stays low,
+/// Waits until the supply is above 2.9 V: below 2.7 V flash is not written properly. If the supply stays low,
 /// the watchdog resets, and the wait begins anew.
 fn wait_for_supply() {
     RCC.apb1enr().modify(|w| w.set_pwren(true));
@@ -62,8 +62,8 @@ fn wait_for_supply() {
     while PWR.csr1().read().pvdo() {}
 }
 
-/// Starts the image whose vectors lie here. Without one it waits for the watchdog: a debug probe or the ROM
-/// loader brings an image.
+/// Starts the image with these vectors. Without an image it waits for the watchdog: a debug probe or the ROM
+/// loader brings one.
 #[allow(
     unsafe_code,
     reason = "an image begins at an address and with a stack of its own"

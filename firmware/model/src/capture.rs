@@ -31,9 +31,9 @@ pub struct Capture {
 }
 
 impl Capture {
-    /// The default with a threshold above the noise of this front end: at least ten standard deviations and
-    /// seven codes. Where pulses are longer than those of the paper's bead, so are the times, as far as a
-    /// window goes.
+    /// The default, with a threshold above the noise of this front end: at least ten standard deviations and
+    /// seven codes. Where pulses are longer than those of the paper's bead, the times are longer in
+    /// proportion, up to the limits of a window.
     pub fn of(bead: &Bead, front_end: &FrontEnd) -> Self {
         let force = &front_end.force;
         let least = f64::max(10.0 * force.noise, 7.0 * force.per_code);

@@ -117,10 +117,10 @@ impl Exact {
     }
 }
 
-/// Part that estimate A has of the power of an oscillation with the phase `ring` (rad a sample): between
-/// samples it takes the acceleration for a straight line. With `decay` = λ dt and H the transfer from a to y,
-/// `|1 - H|²` of the samples over that of the signal. 0.9995 for an intruder of 5 kHz, 0.996 for one of 9
-/// kHz.
+/// Fraction of the power of an oscillation that estimate A captures, as it takes the acceleration to be
+/// linear between samples: 0.9995 for an intruder of 5 kHz, 0.996 for one of 9 kHz. `ring` is the phase of
+/// the oscillation in a sample, rad. With `decay` = λ dt and H the transfer from a to y, it is `|1 - H|²` of
+/// the samples over that of the signal.
 fn hold_power(decay: f64, ring: f64) -> f64 {
     let ring = in_range(ring);
     let lost = -libm::expm1(-decay);
@@ -158,7 +158,8 @@ struct ExactCompany {
 }
 
 impl ExactCompany {
-    /// Of the intruders at these `places` in beads like the host, or in those that the description has.
+    /// Coefficients for intruders at these `places`, in the followers of the description or, without any, in
+    /// beads like the host.
     #[inline(never)]
     fn new(description: &Description, places: u8, dt: f64) -> Self {
         let bead = description.physics();
@@ -213,7 +214,7 @@ impl ExactCompany {
         }
     }
 
-    /// In their formats, with these powers of two taken out.
+    /// Converts the coefficients to their formats, with the powers of two in `scale` taken out.
     fn company(&self, description: &Description, places: u8, scale: &Scale) -> Result<Company, Violation> {
         use Coefficient as C;
         let [contact, masses] = [scale.contact, scale.masses].map(|powers| two_to(-i32::from(powers)));
@@ -291,8 +292,8 @@ impl FixedFormat {
     }
 }
 
-/// Bits of a coefficient; `key` is the setting that is blamed if its format does not hold it. Never inlined:
-/// it would be there seventeen times.
+/// Bits of a coefficient. If its format does not hold it, the error names the setting `key`. Never inlined:
+/// there would be seventeen copies.
 #[inline(never)]
 fn hold(format: FixedFormat, key: Key, coefficient: Coefficient, value: f64) -> Result<i64, Violation> {
     format.exact(value).ok_or(Violation {
@@ -316,8 +317,8 @@ fn rate(key: Key, coefficient: Coefficient, value: f64) -> Result<Fine, Violatio
 }
 
 impl Coefficients {
-    /// The coefficients of a bead whose description was checked. `places` has its followers with an intruder
-    /// as bits.
+    /// The coefficients of a bead whose description was checked. The bits of `places` mark the followers that
+    /// hold an intruder.
     ///
     /// # Errors
     /// A coefficient that its format does not hold.
@@ -380,7 +381,7 @@ impl Coefficients {
                 host: signed(Key::BeadMass, C::Host, without(exact.host, scale.masses))?,
                 gate: gate(&description.force),
                 energy: signed(Key::IntruderDamping, C::EnergyByVelocity, predicted)?,
-                // One that is too long for its format is longer than the line at every force.
+                // A delay too long for its format is longer than the line at every force.
                 delay: nearest(company.delay),
             },
             incident: signed(Key::ContactStiffness, C::Incident, exact.incident)?,
@@ -457,8 +458,8 @@ pub(crate) fn sensor<F: LeEqU32>(
     })
 }
 
-/// The least powers of two, up to `most`, that bring all coefficients below a half. What is still
-/// too large then, its format does not hold.
+/// The least powers of two, up to `most`, that bring all coefficients below a half. A coefficient that is
+/// still too large does not fit its format.
 fn shift(values: &[f64], most: u8) -> u8 {
     let fits = |powers: &u8| {
         let power = two_to(-i32::from(*powers));
@@ -468,7 +469,7 @@ fn shift(values: &[f64], most: u8) -> u8 {
 }
 
 /// The powers of two that bring a coefficient of an energy into a range in which its format is exact enough;
-/// 0 if it is there. At most [`POWERS_MAX`] to either side.
+/// 0 if it is already in range. At most [`POWERS_MAX`] to either side.
 fn shift_into(value: f64, range: Range<f64>) -> i8 {
     let powers = if value >= range.end {
         libm::ilogb(value / range.end).saturating_add(1)

@@ -3,10 +3,10 @@
 //! # Design
 //!
 //! In a row of absorbers the beads behind the host hold intruders too, and these take energy out of the wave
-//! and give some of it back to the host. Estimate B reckons with them: each of its followers may hold an
-//! intruder, and all of these are alike. Each may have a mass and a contact of its own, too; a wall is a bead
-//! that nothing moves. How a bead in company rings depends on its neighbours, so the
-//! ringing tells of a drift only where a bead is alone.
+//! and give some of it back to the host. Estimate B takes them into account: each of its followers may hold
+//! an intruder, and all of these are alike. Each may have a mass and a contact of its own, too; a wall is a
+//! bead that nothing moves. The ringing of a bead in company depends on its neighbours, so it reveals a drift
+//! only where a bead is alone.
 
 use fixed::types::{I0F32, I2F30, I8F24};
 use serde::Serialize;
@@ -22,7 +22,7 @@ pub const FOLLOWERS: usize = 6;
 pub struct Company {
     /// The followers that hold an intruder: bit 0 stands for the bead right behind the host.
     pub behind: u8,
-    /// True if beads near by hold one that no follower stands for: those in front, or further behind.
+    /// True if beads near by hold an intruder that no follower represents: those in front, or further behind.
     pub elsewhere: bool,
     /// True if the beads behind, or their contacts, are not like the host.
     pub unlike: bool,
@@ -48,8 +48,8 @@ pub struct Follower {
     pub load: i32,
     /// Mass of the host over that of this bead; 0 for a wall.
     pub lightness: I8F24,
-    /// m/(M - m) of its intruder: effect of the springs on the bead. It has as many powers of two more as the
-    /// masses of the host ([`Scale::masses`](crate::scale::Scale::masses)).
+    /// m/(M - m) of its intruder: effect of the springs on the bead. The same powers of two are taken out of
+    /// it as of the masses of the host ([`Scale::masses`](crate::scale::Scale::masses)).
     pub ratio: I0F32,
 }
 

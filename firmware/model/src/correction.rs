@@ -3,7 +3,7 @@
 //! # Design
 //!
 //! A one-pole filter with the time constant ℓ turns a signal s into y, and y is sampled a time θ late (both
-//! in samples). What was sampled is taken back by
+//! in samples). The signal is recovered by
 //!
 //! ```text
 //! s[n-1] = y[n-1] + slope (y[n] - y[n-2]) + curve (y[n] - 2 y[n-1] + y[n-2])

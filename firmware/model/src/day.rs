@@ -32,13 +32,13 @@ impl Day {
         let leaps = years / 4 - years / 100 + years / 400;
         let since_1970 = 365 * years + leaps + (153 * months + 2) / 5 + date - 1 - 719_468;
         let day = Self(u16::try_from(since_1970 - FIRST).ok()?);
-        // A date that no month has, such as 31 April, is another one.
+        // A date that does not exist, such as 31 April, comes out as a different one.
         (day.date() == [year, month, date]).then_some(day)
     }
 
     /// Year, month and day of the month.
     fn date(self) -> [i64; 3] {
-        // Since 2000-03-01: within four centuries, of which each century has its days.
+        // Days since 2000-03-01. Each century up to 2199 has 36 524 days.
         let days = i64::from(self.0) + FIRST - 11_017;
         let centuries = days / 36_524;
         let of_century = days - 36_524 * centuries;

@@ -13,13 +13,13 @@ use crate::physics::{Bead, Followers, Intruder, LEAST_WIDTH, Neighbours, Surroun
 use crate::uncertainty::Uncertainty;
 use crate::violation::{Bound, SettingKey as Key, Violation, check_each, check_ranges, require};
 
-/// Address to which every bead listens.
+/// Address that every bead answers.
 const EVERY_BEAD: u8 = 0xFF;
 /// Greatest noise of a sensor, in its unit, rms: three times of it is a gate that its format holds.
 const NOISE_MOST: f64 = 1e4;
 /// Range of VDDA, V: that of the part (DocID022152, general operating conditions).
 const SUPPLY: [f64; 2] = [1.8, 3.6];
-/// Most times that a bead behind may be lighter than the host.
+/// Greatest ratio of the host's mass to that of a bead behind it.
 const LIGHTEST: f64 = 64.0;
 /// Range of a tolerance. A smaller one loses more than 1 % in its format.
 const TOLERANCE: [f64; 2] = [1e-3, 1e4];
@@ -264,7 +264,7 @@ impl Description {
         )
     }
 
-    /// Checks that each mass is a part of the one that it belongs to, and the intruders behind.
+    /// Checks that each mass is below the one that contains it, and checks the intruders behind.
     fn check_masses(&self) -> Result<(), Violation> {
         let (bead, intruder) = (&self.bead, &self.intruder);
         require(intruder.mass < bead.mass, Key::IntruderMass, Bound::BelowBead)?;

@@ -5,8 +5,8 @@
 //! on the strike is computed once, in f64, when settings are taken. A strike then costs two polynomials and
 //! three roots in f32, so that it follows from settings and codes alone.
 //!
-//! **A.** With the intruder ringing at ω behind the low-pass λ = k/c of [`observer`](crate::observer), A goes
-//! with m²/c · ω²/(ω² + λ²) and the square of the gain.
+//! **A.** With the intruder ringing at ω behind the low-pass λ = k/c of [`observer`](crate::observer), A is
+//! proportional to m²/c · ω²/(ω² + λ²) and to the square of the gain.
 //!
 //! **B** depends on the pulse too: on x, the phase by which the intruder rings while the force is above its
 //! half. Its sensitivities to k, c, m, κ and τ are cubics in x whose coefficients are linear in the damping
@@ -35,7 +35,7 @@ use crate::uncertainty::Uncertainty;
 /// Greatest errors of A and of B by the estimators themselves, as parts: the worst of 1000 strikes with right
 /// settings (docs/accuracy.md). Rectangular.
 pub const ESTIMATOR: [f64; 2] = [4e-4, 3.5e-3];
-/// Range of x to which the sensitivities were fitted; beyond it they are those of its end.
+/// Range of x to which the sensitivities were fitted; beyond an end, those of the end are used.
 const PHASES: [f32; 2] = [1.5, 7.0];
 /// Noise of B over that of the force times the width of the pulse over its impulse, within 25 %.
 const FORCE_NOISE: f32 = 1.13;
@@ -361,7 +361,7 @@ mod tests {
         let mut flat = shape(30.0);
         flat.impulse = Impulse::from_bits(0);
         assert!(of(&flat, [one, one]).is_none());
-        // A front mass that nobody states matters, but only where there is one.
+        // A front mass without a stated uncertainty matters, but only where there is one.
         let mut description = described(&inputs, &correlations);
         if let Some(stated) = &mut description.uncertainty {
             stated.front_mass = None;

@@ -30,19 +30,19 @@ const LOAD: f32 = 6.13;
 /// by search, for the least error after one step of Newton's.
 const ROOT: u32 = 0x4A0E_0255;
 
-/// How a wave goes on behind the last follower.
+/// Continuation of a wave behind the last follower.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Onward {
     /// Delay of a force of one bit, samples.
     unit: f32,
     /// Samples that the viscosity of a contact takes off a delay, with [`FRACTION`] fraction bits.
     sooner: u32,
-    /// A force that every peak has in addition to itself: of a load, the one that makes the wave as fast.
+    /// Added to every peak for a static load: a wave without it would then be as fast as one under it.
     load: i32,
 }
 
 impl Onward {
-    /// With the `delay` of a force of one bit, in samples; with 3τ/2 of the last contact, in samples; under a
+    /// Takes the `delay` of a force of one bit, in samples; 3τ/2 of the last contact, in samples; and a
     /// static `load`.
     pub(crate) fn new(delay: I16F16, relaxation: I2F30, load: i32) -> Self {
         Self {
@@ -105,7 +105,7 @@ impl FarEnd {
         if force > self.peaks[1] || now - self.began >= self.span {
             self.follow(now, force, onward);
         }
-        // A wave is not felt twice, though a weaker one behind it takes longer.
+        // The place never moves back: no wave is felt twice, though a weaker one behind it takes longer.
         self.place = (now << FRACTION).saturating_sub(self.delay).max(self.place);
         let [before, after] = [0, 1].map(|next| self.line[((self.place >> FRACTION) + next) as usize % LINE]);
         let part = self.place % (1 << FRACTION);
@@ -134,7 +134,7 @@ impl FarEnd {
         let delay = (delay * (1 << FRACTION) as f32) as u32;
         self.span = delay >> (FRACTION - 1);
         self.delay = delay.saturating_sub(onward.sooner);
-        // A wave twice as high makes noise of what came before it.
+        // If a wave is twice as high, what came before it was noise.
         if force > self.first && now - self.first_came <= self.span || force / 2 > self.first {
             (self.first, self.first_came) = (force, now);
             self.echo = now + ((FOLLOWERS as u32 * self.delay) >> FRACTION);

@@ -33,7 +33,7 @@ pub struct SensorEnds {
     pub acceleration: Option<f32>,
 }
 
-/// Both sensors. The zero of each channel is not among it: the bead finds it in every window.
+/// Both sensors. The zeros of the channels are not included: the bead finds them in every window.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrontEnd {
     /// Force at the host's incoming contact, N.

@@ -27,10 +27,10 @@ pub const HISTORY_MAX: usize = 256;
 /// Longest window, samples.
 pub const WINDOW_MAX: u16 = 1024;
 
-/// When a strike is taken and for how long.
+/// Trigger and window of a strike.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct WindowSettings {
-    /// Samples of the window up to and with the one that triggers.
+    /// Samples of the window up to and including the one that triggers.
     pub history: u16,
     /// Samples of the whole window.
     pub length: u16,

@@ -3,8 +3,8 @@
 //! # Design
 //!
 //! A [`Meter`] watches the force. When a strike comes it opens a [`Window`], which starts some samples
-//! *before* the trigger. In the window two estimates of the energy run that the intruder absorbs, `∫ c ẋ²
-//! dt`:
+//! *before* the trigger. Two estimates of the energy that the intruder absorbs, `∫ c ẋ² dt`, run in the
+//! window:
 //!
 //! * **A**, [`observer`], *measures* the energy, from the acceleration of the intruder alone;
 //! * **B**, [`reduced_chain`], *predicts* the energy, from the contact force alone, by a model of the host,
@@ -12,11 +12,11 @@
 //!
 //! They share nothing but the calibration. So a difference between them is a diagnosis.
 //!
-//! The window is a pure function of [`Settings`] and of the ADC codes in it: a host that has both gets the
-//! result of the bead bit for bit. Every estimator is `config` (immutable) + `state` + `process(&self, &mut
-//! state, sample)`. There is no float in the work per sample, but for one root in estimate B when the
-//! wave behind its last bead grows. Bead and host derive the coefficients once, in
-//! f64, when settings are taken ([`Settings::new`]).
+//! The window is a pure function of [`Settings`] and of the ADC codes in it: a host that has both reproduces
+//! the result of the bead bit for bit. Every estimator is `config` (immutable) + `state` + `process(&self,
+//! &mut state, sample)`. The work per sample uses no float, except for one root in estimate B when the wave
+//! behind its last bead grows. Bead and host derive the coefficients once, in f64, when settings are taken
+//! ([`Settings::new`]).
 //!
 //! # Units
 //!

@@ -1,4 +1,4 @@
-//! A made-up strike, in codes: the self-test works one out, and a bead on the bench plays one to itself.
+//! A made-up strike, in codes: the self-test computes one, and a bead on the bench plays one to itself.
 //!
 //! It needs no tables, and is the same on bead and host.
 
@@ -59,7 +59,7 @@ mod tests {
         assert!(codes.iter().flatten().all(|code| (249..=3846).contains(code)));
         let peak = codes.iter().map(|pair| pair[0]).max();
         assert_eq!(peak, Some(REST[0] + 1500));
-        // It rises at once, so that noise moves no trigger.
+        // The pulse rises at once, so that noise moves no trigger.
         assert_eq!(codes[1][0] - codes[0][0], 146);
     }
 }

@@ -1,7 +1,7 @@
 //! The strike meter: trigger, history before it, window, and the quiet that arms it again.
 //!
-//! A window can be asked for as well, around an instant that another bead or a host names
-//! ([`Meter::keep_around`]): a bead that feels little keeps what it felt.
+//! A window can also be requested, around an instant that another bead or a host names
+//! ([`Meter::keep_around`]): a bead that feels little then keeps what it felt.
 
 use core::ops::Range;
 use core::sync::atomic::{AtomicU32, Ordering};
@@ -31,7 +31,7 @@ pub struct Chunk {
     pub scans: heapless::Vec<Scan, CHUNK>,
     /// The two scans before them; zeros in the first chunk.
     pub before: [Scan; 2],
-    /// True if the wide codes had a part in the result here. If not, the result needs no wide codes.
+    /// True if the result of this piece depends on the wide codes.
     pub loud: bool,
     /// Estimate A at the last scan.
     pub absorbed_measured: Energy,
@@ -39,7 +39,7 @@ pub struct Chunk {
     pub absorbed_predicted: Energy,
 }
 
-/// The waveform frame of a piece. The codes at the low gain travel only if they had a part in the result.
+/// The waveform frame of a piece. The low-gain codes are sent only if the result depends on them.
 impl From<&Chunk> for Waveform {
     fn from(chunk: &Chunk) -> Self {
         let (before, scans) = if chunk.loud {
@@ -59,7 +59,7 @@ impl From<&Chunk> for Waveform {
 }
 
 impl Chunk {
-    /// Packs the waveform frame of this piece. Returns true if it is whole, which it always is.
+    /// Packs the waveform frame of this piece. Returns true if it fits, which it always does.
     #[inline(never)]
     pub fn pack(&self, packed: &mut Packed, address: u8, boot: u8) -> bool {
         packed
@@ -70,15 +70,14 @@ impl Chunk {
 
 /// Where the meter's results go.
 pub trait Sink {
-    /// The force has triggered at this scan, and a window will be opened for it. The one before may still be
-    /// measured.
+    /// Called when the force triggers at this scan. A window will be opened for it; the one before may still
+    /// be measured.
     fn found(&mut self, _trigger_index: u64) {}
-    /// A window was opened, in which the scan with this index counts as the one that triggered. Its pieces
-    /// follow.
+    /// Called when a window opens, with the index of the scan that counts as its trigger. Its pieces follow.
     fn opened(&mut self, _trigger_index: u64, _origin: Origin) {}
-    /// A piece of the waveform is complete. Pieces come in order and cover the window.
+    /// Called when a piece of the waveform is complete. Pieces come in order and cover the window.
     fn chunk(&mut self, chunk: &Chunk);
-    /// A window is complete: its result and its shape. This comes after its last chunk.
+    /// Called when a window is complete, after its last chunk, with its result and its shape.
     fn report(&mut self, strike: &Strike, shape: &Shape);
 }
 
@@ -95,16 +94,16 @@ pub fn scans(words: &[[AtomicU32; 2]]) -> impl ExactSizeIterator<Item = Scan> + 
     })
 }
 
-/// Scans that a call measures at least: a piece, and those before the newest that wait until it is known
-/// whether they are the foot of a wave. So a meter in calls of one scan has its result with the last scan of
-/// a window.
+/// Least number of scans that a call measures: a piece, and the newest scans, which wait until it is known
+/// whether they are the foot of a wave. A meter that is called for every scan thus has its result with the
+/// last scan of a window.
 const LEAST: usize = PIECE + LEAD as usize;
 
 /// Scans of the longest call that the meter is made for.
 const CALL: usize = 256;
 
-/// Scans that [`Recent`] has room for: those, and a call. When it is full, the scans still needed are moved
-/// to the front.
+/// Capacity of [`Recent`] in scans: the longest lag and the longest call. When it is full, the scans still
+/// needed are moved to the front.
 const ROOM: usize = (LAG_MAX + CALL).next_multiple_of(PIECE);
 
 /// The newest scans, in one slice: the trigger needs no arithmetic of a ring.
@@ -121,8 +120,8 @@ struct Recent {
 }
 
 impl Recent {
-    /// Appends as many of `scans` as there is room for. Those before the scan `needed` may go. Returns
-    /// whether scans had to be moved.
+    /// Appends as many of `scans` as there is room for. Scans before `needed` may be dropped. Returns true if
+    /// scans had to be moved.
     fn append(&mut self, scans: &mut impl ExactSizeIterator<Item = Scan>, needed: usize) -> bool {
         if self.length == 0 {
             // The first scans follow a history of zeros.
@@ -134,7 +133,8 @@ impl Recent {
         }
         let start = self.length;
         self.length = ROOM.min(start + scans.len());
-        // `zip` asks the room first. The other way round it would take a scan too many, which would be lost.
+        // `zip` polls the room first. In the other order it would take one scan too many from the iterator
+        // and lose it.
         for (room, scan) in self.scans[start..self.length].iter_mut().zip(scans) {
             *room = scan;
         }
@@ -183,7 +183,7 @@ pub struct Meter {
     /// Forces and accelerations of the window so far.
     record: WindowRecord,
     strikes: u32,
-    /// Strikes that come now are counted, but not measured.
+    /// True while strikes are counted, but not measured.
     passing: bool,
     passed_over: u32,
     in_dead_time: u32,
@@ -218,8 +218,8 @@ impl Meter {
         }
     }
 
-    /// Passes over strikes from now on, or takes them again. Those passed over are counted and take a number,
-    /// but are not measured. A strike that is being measured is measured to its end.
+    /// Passes over strikes from now on, or measures them again. A strike passed over is counted and numbered,
+    /// but not measured. A measurement under way is completed.
     pub fn pass_over(&mut self, passing: bool) {
         self.passing = passing;
     }
@@ -235,17 +235,17 @@ impl Meter {
         self.in_dead_time
     }
 
-    /// Asks for the window in which the scan `trigger` counts as the one that triggers. It is opened when the
-    /// scan `at` comes, unless the force has opened one by then: what the bead finds by itself goes first. It
-    /// is not opened if the meter is not armed at that scan, or if its history would reach back over
-    /// [`REACH`] and its own length, into another window or over a gap. A new instant takes the place of one
-    /// that has not come.
+    /// Requests a window in which the scan `trigger` counts as the trigger. It opens at the scan `at`, unless
+    /// the force has opened one by then: a strike that the bead finds itself takes precedence. It does not
+    /// open if the meter is not armed at that scan, or if its history would reach further back than [`REACH`]
+    /// and its own length, into another window or across a gap. A new request replaces one that is still
+    /// pending.
     pub fn keep_around(&mut self, trigger: u64, at: u64, origin: Origin) {
         self.around = Around { trigger, at, origin };
     }
 
-    /// Forgets all scans, so that no window mixes samples from before and after a gap. The number of strikes
-    /// goes on.
+    /// Forgets all scans, so that no window mixes samples from before and after a gap. Strike numbers
+    /// continue.
     pub fn restart(&mut self) {
         self.phase = Phase::Idle;
         self.in_dead_time += u32::from(core::mem::take(&mut self.has_next));
@@ -268,15 +268,15 @@ impl Meter {
         self.has_next || matches!(self.phase, Phase::Measuring(_))
     }
 
-    /// Takes scans. The first of them has the sample index `first_index`; indices are consecutive between
-    /// calls of [`restart`](Self::restart). The results do not depend on how the scans are cut into calls.
+    /// Takes scans, the first with the sample index `first_index`; indices are consecutive between calls of
+    /// [`restart`](Self::restart). The results do not depend on how the scans are cut into calls.
     ///
-    /// Every scan is looked at for a rise when it comes. Measuring is most of the work, and when a strike
-    /// triggers, its whole history waits to be measured. To spread this work, a call measures 3 of 8 scans
-    /// that it was given, and at least `LEAST`; a little less if it has to move scans in its memory, or to
-    /// work out a report. So the meter lags behind during a window: at its end by the history and 5/3 of the
-    /// length. In calls of up to 256 scans it has room for the lag of the longest window, so that no call
-    /// measures more. A longer call measures all that it can.
+    /// Every scan is checked for a rise when it comes. Measuring is most of the work, and when a strike
+    /// triggers, its whole history waits to be measured. To spread this work, a call measures 3 scans for
+    /// every 8 that it receives, and at least `LEAST`; slightly fewer if it has to move scans in memory or to
+    /// compute a report. The meter therefore lags behind during a window: at its end, by the history and 5/3
+    /// of the length. In calls of up to 256 scans it has room for the lag of the longest window, and no call
+    /// measures more than that share. A longer call measures all that it can.
     pub fn process(
         &mut self,
         settings: &Settings,
@@ -298,7 +298,7 @@ impl Meter {
             end_index += scans.len() as u64;
             let needed = self.needed(settings, end_index - scans.len() as u64);
             if self.recent.append(&mut scans, needed) && self.is_measuring() {
-                // To move them is work too.
+                // Moving scans is work too.
                 quota -= quota / 4;
             }
             end_index -= scans.len() as u64;
@@ -315,7 +315,7 @@ impl Meter {
                     break;
                 }
                 if is_short && matches!(self.phase, Phase::Idle) {
-                    // To work out the report was enough for this call.
+                    // The report used up the time of this call.
                     quota = 0;
                 }
             }
@@ -340,7 +340,7 @@ impl Meter {
         next.min(begins)
     }
 
-    /// As [`process`](Self::process), of scans in memory that a DMA writes ([`scans`]). It is compiled for
+    /// Like [`process`](Self::process), for scans in memory that a DMA writes ([`scans`]). It is compiled for
     /// speed with this crate, whatever its caller is compiled for.
     pub fn process_words(
         &mut self,
@@ -352,8 +352,9 @@ impl Meter {
         self.process(settings, first_index, scans(words), sink);
     }
 
-    /// Looks for rises in the new scans up to the next one that opens a window, and opens this window if none
-    /// is measured. Returns whether one is. The scan after the last has the index `end_index`.
+    /// Searches the new scans for the next rise that opens a window, and opens that window unless another is
+    /// being measured. Returns true if a window is being measured. The scan after the last has the index
+    /// `end_index`.
     fn find(&mut self, settings: &Settings, end_index: u64, sink: &mut (impl Sink + ?Sized)) -> bool {
         loop {
             if !self.has_next
@@ -377,7 +378,7 @@ impl Meter {
         }
     }
 
-    /// The next window among the scans that were not looked at.
+    /// Searches the scans not yet checked for the next window.
     fn look(
         &mut self,
         settings: &Settings,
@@ -429,8 +430,8 @@ impl Meter {
         }
     }
 
-    /// Measures some of the scans that wait. Returns false if none can be. The last scan of a window, with
-    /// which its report is made, `may_wait` for a call that has time for it.
+    /// Measures some of the waiting scans. Returns false if none can be measured. With `may_wait`, the last
+    /// scan of a window, which completes its report, is left for a call that has time for it.
     fn measure(
         &mut self,
         settings: &Settings,
@@ -497,7 +498,7 @@ impl Measurement {
         (self.end - self.first) as usize / 16
     }
 
-    /// Takes the next scans, none beyond the end of the window. Returns whether it is over.
+    /// Takes the next scans, none beyond the end of the window. Returns true at the end of the window.
     fn process(
         &mut self,
         settings: &Settings,
@@ -541,7 +542,7 @@ mod tests {
     use super::*;
     use crate::design::{Bead, Capture, FrontEnd, derive};
 
-    /// Takes nothing.
+    /// Discards everything.
     struct Nowhere;
 
     impl Sink for Nowhere {
@@ -549,8 +550,8 @@ mod tests {
         fn report(&mut self, _: &Strike, _: &Shape) {}
     }
 
-    /// The scans that wait after each call of `call` scans. The window is opened by the force, which rises at
-    /// the scan `at`; or by the line, which asks at that scan, as late as it can.
+    /// Number of scans that wait after each call of `call` scans. The window is opened by the force, which
+    /// rises at the scan `at`; or by the line, whose request comes at that scan, as late as it can.
     fn lags([history, length]: [u16; 2], call: usize, by_force: bool, at: usize) -> Vec<usize> {
         let mut settings = derive(&Bead::paper(), &FrontEnd::reference(), &Capture::default()).unwrap();
         (settings.window.history, settings.window.length) = (history, length);
@@ -573,7 +574,7 @@ mod tests {
     #[test]
     #[cfg_attr(miri, ignore = "thousands of scans")]
     fn a_call_measures_its_part_of_its_scans_and_a_quarter_less_if_it_moves_those_in_memory() {
-        // The room is full after twelve calls, of which the seventh has the trigger.
+        // The room is full after twelve calls; the seventh has the trigger.
         let (call, measured) = (232, 87);
         let lags = lags([160, 672], call, true, 1500);
         assert_eq!((ROOM - HISTORY_MAX, call * 3 / 8), (12 * call, measured));

@@ -94,7 +94,7 @@ mod tests {
 
     #[test]
     fn a_name_is_text_without_control_characters_up_to_its_first_zero() {
-        // The text if a program writes it, and what a block with these bytes holds.
+        // Each text is tried as a name, and as the bytes in a block.
         for (text, is_name) in [
             ("", true),
             ("a", true),

@@ -63,8 +63,7 @@ pub struct ObserverState {
 }
 
 impl ObserverState {
-    /// The piece is complete, and had noise only, of a mean square of `most` at most. More than that is a
-    /// signal.
+    /// Closes a piece of noise, with a mean square of at most `most`. More than that is a signal.
     pub(crate) fn close_noise(&mut self, most: u64) {
         let (squares, samples) = self.quiet;
         self.quiet = (squares.saturating_add(self.piece), samples + self.piece_samples);
@@ -72,7 +71,7 @@ impl ObserverState {
         (self.piece, self.piece_samples) = (0, 0);
     }
 
-    /// The piece is complete. It counts if it has more than noise; returns whether it does.
+    /// Closes a piece. It counts if it has more than noise; returns true if it counts.
     pub(crate) fn close_piece(&mut self) -> bool {
         let counts = self.piece_counts();
         if counts {
@@ -94,8 +93,8 @@ impl Observer {
     /// Bound of the accelerations, m/s²: 2^28 in their format, so that a difference of two stays below 2^29.
     pub const MOST: u32 = 1 << (28 - SensedAcceleration::FRAC_NBITS);
 
-    /// Takes the accelerations of the next samples, at most [`PIECE`](crate::layout::PIECE). `end` has
-    /// `powers` of two more than its bits say. Never inlined, so that its instructions can be counted by its
+    /// Takes the accelerations of the next samples, at most [`PIECE`](crate::layout::PIECE). The coefficient
+    /// `end` is its bits times 2^`powers`. Never inlined, so that its instructions can be counted by its
     /// symbol.
     #[inline(never)]
     pub fn process(&self, powers: u8, state: &mut ObserverState, accelerations: &[SensedAcceleration]) {
@@ -122,7 +121,7 @@ impl Observer {
         state.piece_samples += accelerations.len() as u16;
     }
 
-    /// The energy absorbed so far. `energy` has `powers` of two more than its bits say.
+    /// The energy absorbed so far. The coefficient `energy` is its bits times 2^`powers`.
     pub fn absorbed(&self, powers: i8, state: &ObserverState) -> Energy {
         let mut whole = *state;
         whole.close_piece();

@@ -109,7 +109,7 @@ pub struct Neighbours {
 }
 
 impl Neighbours {
-    /// Neighbours of which those `behind` that are true hold `intruder`, from the bead next to the host on.
+    /// Neighbours that hold `intruder` where `behind` is true, starting with the bead next to the host.
     pub fn new(behind: [bool; FOLLOWERS], elsewhere: bool, intruder: Intruder) -> Self {
         let places = (1..).zip(behind).filter(|(_, holds)| *holds);
         let Intruder {
@@ -127,7 +127,7 @@ impl Neighbours {
     }
 
     /// `behind` as bits, bit 0 for the bead right behind the host. `None` for a digit other than 1 to 6, or
-    /// one that stands twice.
+    /// one that occurs twice.
     pub fn places(&self) -> Option<u8> {
         let (mut digits, mut bits) = (self.behind, 0);
         while digits > 0 {

@@ -226,8 +226,8 @@ mod tests {
             .filter_map(|number| i32::try_from(number).ok())
     }
 
-    /// Each sum with each scale and each power that `Settings::bounds` allows: the exact energy, or the
-    /// greatest.
+    /// Checks each sum with each scale and each power that `Settings::bounds` allows: the result is the exact
+    /// energy, or the greatest.
     fn energies<const FRACTION: u32, F: LeEqU32>() {
         let dense = if cfg!(miri) { 7 } else { 1 };
         for bit in (0..70).step_by(dense) {

@@ -6,8 +6,9 @@ use crate::quantity::{SensedAcceleration, SensedForce};
 use crate::shape::WindowRecord;
 use serde::Serialize;
 
-/// Mean square of a quiet signal over that of its known noise beyond which it is louder. The mean of 32
-/// samples of noise scatters by a quarter of itself, so noise alone gets there once in 10^13 strikes.
+/// Ratio of the mean square of a quiet signal to that of its known noise above which it counts as louder. The
+/// mean of 32 samples of noise scatters by a quarter of itself, so noise alone gets there once in 10^13
+/// strikes.
 const LOUDER: f64 = 4.0;
 /// Mean square of the converter's rounding and of its own noise, half a code rms, in codes.
 const CONVERTER: f64 = 1.0 / 12.0 + 0.25;
@@ -49,7 +50,7 @@ impl CodeNoise {
 }
 
 impl Quiet {
-    /// Of these sensors, with the weights β₀ and β₁ of the observer.
+    /// Limits for these sensors, with the weights β₀ and β₁ of the observer.
     #[inline(never)]
     pub(crate) fn new(force: &CodeNoise, acceleration: &CodeNoise, [start, end]: [f64; 2]) -> Self {
         let gain = |noise: &CodeNoise| noise.weights().iter().map(|weight| weight * weight).sum::<f64>();

@@ -94,7 +94,7 @@ impl Coordinate {
     }
 }
 
-/// Fraction bits that a step has more than a position.
+/// Number of fraction bits by which a step exceeds a position.
 const STEP_TO_LENGTH: u32 = Step::FRAC_NBITS - Length::FRAC_NBITS;
 
 /// Limit of the accelerations, in twelfths: ±6 µm/sample² (60 km/s² at 100 kHz). The core saturates to this
@@ -143,7 +143,7 @@ pub struct ReducedChainState {
     watch: Watch,
     /// Samples since the force was above the gate, or since the start.
     silent: u16,
-    /// Forces below this are noise, by the noise before the strike.
+    /// Gate by the noise before the strike: forces below it count as zero.
     gate: SensedForce,
 }
 
@@ -171,7 +171,7 @@ impl ReducedChainState {
         [POSITION * position as f32, VELOCITY * velocity as f32]
     }
 
-    /// Returns `true` once the chain behind the last follower may be felt at the host.
+    /// Returns `true` once an echo from behind the last follower may have reached the host.
     pub(crate) fn echoes(&self) -> bool {
         self.end.echoes()
     }
@@ -205,8 +205,8 @@ impl ReducedChain {
         }
     }
 
-    /// [`ReducedChain::process`], with `powers` if `SCALED`, and as if they were zero otherwise; with the
-    /// followers of `company` if `UNLIKE`, and as if they were like the host otherwise.
+    /// [`ReducedChain::process`]. Unless `SCALED`, all `powers` count as zero; unless `UNLIKE`, the followers
+    /// in `company` count as like the host.
     #[inline(always)]
     fn run<const SCALED: bool, const UNLIKE: bool>(
         &self,
@@ -254,7 +254,7 @@ impl ReducedChain {
         };
         let mut squares = 0;
         for (&measured, predicted) in forces.iter().zip(predicted) {
-            // From the end to the host: in this order the fewest values are needed at a time.
+            // From the end to the host: this order needs the fewest values at a time.
             let mut contact = force(FOLLOWERS - 1, &overlaps, &mut watch);
             // Acceleration of the bead behind the contact.
             let mut behind = contact - end.push(contact, onward);
@@ -307,13 +307,13 @@ impl ReducedChain {
         state.squares.add(squares);
     }
 
-    /// How the wave goes on behind the last follower.
+    /// Continuation of the wave behind the last follower.
     fn onward(&self, company: &Company) -> Onward {
         let Follower { relaxation, load, .. } = company.followers[FOLLOWERS - 1];
         Onward::new(self.delay, relaxation, load)
     }
 
-    /// The energy absorbed so far. `energy` has `powers` of two more than its bits say.
+    /// The energy absorbed so far. The coefficient `energy` is its bits times 2^`powers`.
     pub fn absorbed(&self, powers: i8, state: &ReducedChainState) -> Energy {
         state.squares.energy(self.energy, powers)
     }
@@ -347,8 +347,8 @@ fn contact_force<const SCALED: bool>(
 }
 
 impl Company {
-    /// The acceleration of a follower, in twelfths, on which its contacts push as much as they would
-    /// accelerate a host by `pushed`. Advances its intruder, if it holds one.
+    /// Acceleration of a follower, in twelfths, by a push of its contacts that would accelerate a host by
+    /// `pushed`. Advances its intruder, if it holds one.
     #[inline(always)]
     fn follow<const SCALED: bool>(
         &self,

@@ -3,14 +3,14 @@
 //! # Design
 //!
 //! Behind the wave the host flies free, and the intruder rings against it with the reduced mass μ = m(M -
-//! m)/M. Its energy ½μẋ² + ½kx² is then absorbed whatever comes, unless another wave does. Both estimates are
+//! m)/M. Its energy ½μẋ² + ½kx² is then absorbed in any case, unless another wave comes. Both estimates are
 //! sums over the samples of a window; the energy left makes them whole.
 //!
-//! Estimate B holds x and ẋ. Estimate A holds the acceleration, of which a velocity would be a small
-//! difference where the damping is light. So two oscillations are fitted to the last samples by least
-//! squares: the one of an intruder that is released at the end of the window, with an acceleration of 1 m/s²
-//! there, and the one that goes through its rest position with the speed of the same energy. Before the end
-//! they follow from the recursion of a free oscillation, backwards:
+//! Estimate B holds x and ẋ. Estimate A holds the acceleration; where the damping is light, a velocity would
+//! be a small difference of accelerations. So two oscillations are fitted to the last samples by least
+//! squares: that of an intruder released at the end of the window, with an acceleration of 1 m/s² there, and
+//! one that passes its rest position there with a speed of the same energy. Before the end they follow from
+//! the recursion of a free oscillation, backwards:
 //!
 //! ```text
 //! a[n-2] = e^(2βdt) (2 e^(-βdt) cos(ωdt) a[n-1] - a[n])        β = c/2μ, ω² = k/μ - β²
@@ -25,11 +25,11 @@ use bead_wire::{Energy, LeftEnergy};
 use fixed::types::I40F24;
 use serde::Serialize;
 
-/// Samples at the end of a window that the oscillations are fitted to. More of them hold more of the pushes
-/// that a host still gets from the contact behind it: with 64, 0.4 % of the energy left is lost, with 32 a
-/// thousandth.
+/// Samples at the end of a window that the oscillations are fitted to. More samples would contain more of the
+/// pushes that a host still gets from the contact behind it: with 64, 0.4 % of the energy left is lost, with
+/// 32 a thousandth.
 const FITTED: f64 = 32.0;
-/// Least number of them.
+/// Least number of samples fitted.
 const FITTED_LEAST: f64 = 4.0;
 /// Greatest βdt for which there is a fit, and greatest square of ωdt, of either sign: the range of the
 /// series.
@@ -95,8 +95,8 @@ impl RingDown {
         }
     }
 
-    /// The energy left in both estimates; that of A is 0 if the intruder `rings` no more. `None` if it cannot
-    /// be told.
+    /// The energy left in both estimates; that of A is 0 unless the intruder still `rings`. `None` if it
+    /// cannot be determined.
     pub(crate) fn left(
         &self,
         rings: bool,

@@ -17,7 +17,7 @@ pub const INCOMING_MAX: u8 = 8;
 /// Most powers of two of an energy, to either side.
 pub const POWERS_MAX: u8 = 24;
 
-/// By how many powers of two each coefficient is greater than its bits say.
+/// Number of powers of two taken out of each coefficient.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Scale {
     /// Of [`ReducedChain::contact`](crate::reduced_chain::ReducedChain::contact). Then the square root of an

@@ -8,9 +8,9 @@
 //!
 //! **No step at the hand-over.** The channels are compared while both see the same signal and it moves. When
 //! the wide channel takes over, their mean difference so far is subtracted from it: this is the error of the
-//! wide channel's zero, a fraction of a code. The baseline says that the difference is 0. If its codes
-//! scatter, it knows the zero to an eighth of their scatter and counts as its 64 samples. If all 64 codes are
-//! the same, it knows the zero to half a code and counts as one sample.
+//! wide channel's zero, a fraction of a code. The baseline counts as samples without a difference: as its 64
+//! samples if its codes scatter, since they then determine the zero to an eighth of their scatter; as one
+//! sample if all 64 codes are the same, since they then determine it to half a code only.
 //!
 //! **The gains.** The slope of the difference over the signal says how far the ratio of the two gains is from
 //! the settings. It is reported with the strike ([`GainMatch`]) and not used: one strike knows it to about
@@ -29,7 +29,7 @@ use fixed::types::I16F16;
 use fixed::types::extra::LeEqU32;
 use serde::{Deserialize, Serialize};
 
-/// Least distance to the rails of a sensitive code that is believed. The amplifier reaches its rail before
+/// Least distance from the rails of a sensitive code that is trusted. The amplifier reaches its rail before
 /// the filter behind it does.
 const MARGIN: u16 = 64;
 /// A signal moves if it is more than this many sensitive codes away from its zero: a quarter of the range.
@@ -53,12 +53,12 @@ pub struct Sensor<F: LeEqU32> {
 pub struct SensorState {
     sensitive: ChannelState,
     wide: ChannelState,
-    /// The first wide code of the baseline, and whether a different one came.
+    /// The first wide code of the baseline, and true if a later one was different.
     first: Option<AdcCode>,
     scatters: bool,
-    /// Number of the next values in which a code far from zero has a part.
+    /// Number of coming values that a code far from zero still affects.
     loud: u8,
-    /// Number of the next values in which a code near a rail has a part.
+    /// Number of coming values that a code near a rail still affects.
     hold: u8,
     /// Error of the wide channel's zero: it is subtracted from its values.
     offset: i32,
@@ -68,9 +68,9 @@ pub struct SensorState {
 /// Which channels measured some samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Loudness {
-    /// The wide codes had a part in the result.
+    /// The result depends on the wide codes.
     pub loud: bool,
-    /// The wide channel was at a rail while it gave the signal.
+    /// The wide channel was at a rail while it supplied the signal.
     pub railed: bool,
 }
 
@@ -82,7 +82,7 @@ impl SensorState {
         self.scatters |= *self.first.get_or_insert(codes.wide()) != codes.wide();
     }
 
-    /// Match of the gains, if the window can tell.
+    /// Match of the gains; `None` if the window does not determine it.
     pub fn gain_match(&self) -> Option<GainMatch> {
         self.overlap.gain_match()
     }
@@ -103,7 +103,7 @@ impl<F: LeEqU32> Sensor<F> {
         let low = zero.saturating_sub(MOVING).max(MARGIN);
         let high = (zero + MOVING).min(AdcCode::MAX.get() - MARGIN);
         let near_zero = i32::from(low)..=i32::from(high);
-        // Negative if a code is beyond either end. There is no branch for each code.
+        // Negative if a code is beyond either end, without a branch for each code.
         let beyond = sensitive.clone().fold(0, |beyond, code| {
             let code = i32::from(code.get());
             beyond | (code - near_zero.start()) | (near_zero.end() - code)
@@ -142,7 +142,7 @@ impl<F: LeEqU32> Sensor<F> {
         for ((value, wide), codes) in values.iter_mut().zip(wides).zip(codes) {
             let believable = MARGIN..=AdcCode::MAX.get() - MARGIN;
             let code = codes.sensitive().get();
-            // A code has a part in three values.
+            // A code affects three values.
             if !near_zero.contains(&i32::from(code)) {
                 state.loud = 3;
             }
@@ -331,7 +331,7 @@ mod tests {
     fn gains_differ_beyond_a_part_and_beyond_five_standard_deviations_to_either_side() {
         const PART: i32 = 1311; // 2 %
         for (deviation, uncertainty, expected) in [
-            // The part itself is allowed, however sure it is.
+            // A deviation by exactly the part is allowed, however certain.
             (PART, 0, false),
             (PART + 1, 0, true),
             (5 * PART, PART, false),
@@ -350,9 +350,9 @@ mod tests {
         }
     }
 
-    /// The wide channel reads a code too much while the signal moves, in `overlap` samples. Returns what is
-    /// subtracted from it when it takes over, in bits; the wide codes of the baseline are 100 plus those of
-    /// `baseline` in turn. A sensitive code is 2^power/256 N, and a wide one 16 times as much.
+    /// Offset of the wide channel when it takes over, in bits. It reads one code too many while the signal
+    /// moves, in `overlap` samples. Its codes in the baseline are 100 plus those of `baseline` in turn. A
+    /// sensitive code is 2^power/256 N, and a wide one 16 times as much.
     fn offset(overlap: usize, baseline: [i32; 2], power: u32) -> i32 {
         let mut sensor = sensor();
         for channel in [&mut sensor.sensitive, &mut sensor.wide] {
@@ -375,8 +375,7 @@ mod tests {
                 // The sums have 20 bits for a signal of the sensitive range, which is that of a code of
                 // 1/256 N.
                 for power in 0..=4 {
-                    // A value is that of the sample before, so the first one is that of a sample that is
-                    // quiet.
+                    // A value is that of the sample before, so the first value belongs to a quiet sample.
                     let samples = overlap as i32 - 1;
                     let stated = (4096 * samples / (samples + counts)) << power;
                     let found = offset(overlap, baseline, power);
@@ -409,7 +408,7 @@ mod tests {
         }
     }
 
-    /// True if a piece is loud that has these codes at the high gain over this zero.
+    /// True if a piece with these high-gain codes over this zero is loud.
     fn is_loud(zero: u16, codes: &[u16]) -> bool {
         let codes: Vec<Pair> = codes.iter().map(|&code| Pair::new(code, 2000)).collect();
         measured(&sensor(), |_| Pair::new(zero, 2000), &codes).1[0].loud

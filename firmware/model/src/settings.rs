@@ -37,7 +37,7 @@ pub const VERSION: u16 = 7;
 const FIRST: u16 = 1;
 /// Sections that a block of [`FIRST`] lacks: a byte of 0 stands for each that is absent.
 const SECTIONS_SINCE: usize = 4;
-/// The last version of the time before the first release. Those were 2 to this one.
+/// Last of the versions before the first release, which were 2 to this one.
 const UNRELEASED: u16 = 6;
 /// Upper bound of an encoded block, bytes.
 pub const BLOCK_MAX: usize = 448;
@@ -45,8 +45,8 @@ pub const BLOCK_MAX: usize = 448;
 /// Bound of the forces, N, from the range of their format.
 const FORCE_MOST: u32 = 1 << 15;
 
-/// Greatest deviation of the supply from that of the calibration that flags no strike, as a part of it. It is
-/// 0.6 % of both energies.
+/// Greatest relative deviation of the supply from that of the calibration that flags no strike. It changes
+/// both energies by 0.6 %.
 const SUPPLY_TOLERANCE: f32 = 3e-3;
 
 const MAGIC: [u8; 4] = *b"BEAD";
@@ -99,7 +99,7 @@ pub struct Settings {
     pub uncertainty: Option<UncertaintyTerms>,
 }
 
-/// Why a settings block is refused.
+/// Error of reading or writing a settings block.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum SettingsError {
     /// Nothing was ever written there (erased flash).
@@ -132,7 +132,7 @@ pub enum SettingsError {
 }
 
 impl Settings {
-    /// Derives what a bead measures with.
+    /// Derives the settings of a bead from its description.
     ///
     /// # Errors
     /// The first setting outside its bound, or the one that leads to a coefficient outside its format. With
@@ -205,7 +205,7 @@ impl Settings {
         })
     }
 
-    /// Settings of another description: this one after `change`.
+    /// Derives settings from this description after `change`.
     ///
     /// # Errors
     /// As [`Self::new`].
@@ -285,7 +285,7 @@ impl Settings {
         (header[..4] == MAGIC).then(|| HEADER + usize::from(u16::from_le_bytes([header[6], header[7]])) + 4)
     }
 
-    /// Checks that no code reaches beyond the sums.
+    /// Checks that no code can overflow the sums.
     fn check_channels(&self) -> Result<(), Violation> {
         let most = FORCE_MOST >> self.scale.incoming;
         check_sensor(&self.force, most, FORCE_UNITS)?;
@@ -311,18 +311,18 @@ impl Settings {
     }
 
     /// True if the noise that the settings state stays below the trigger. The gate is three standard
-    /// deviations of the force. The trigger compares two samples, so at six of them noise triggers once a
-    /// second.
+    /// deviations of the force. The trigger compares two samples, so at six standard deviations noise
+    /// triggers once a second.
     fn triggers_above_noise(&self) -> bool {
         let rise = i64::from(self.window.threshold) * i64::from(self.force.sensitive.per_code.to_bits());
         rise >> (I2F30::FRAC_NBITS - SensedForce::FRAC_NBITS) >= 2 * i64::from(self.chain.gate.to_bits())
     }
 }
 
-/// Part of a sensor's end from which on a value may be cut.
+/// Part of a sensor's end above which a value may be clipped.
 const NEAR_END: f64 = 0.99;
 
-/// The least value that may be cut; the greatest number if the end is unknown.
+/// The least value that may be clipped; the greatest number if the end is unknown.
 fn near_end<F: LeEqU32>(end: Option<f32>) -> FixedI32<F> {
     end.map_or(FixedI32::MAX, |end| nearest(NEAR_END * f64::from(end)))
 }

@@ -2,9 +2,8 @@
 //!
 //! # Design
 //!
-//! The shape is computed once a strike, from the forces and accelerations of its window. The work per sample
-//! is only to keep them. Bead and host compute the same: the result is a function of settings and codes
-//! alone.
+//! The shape is computed once a strike, from the forces and accelerations of its window. Per sample, these
+//! are only stored. Bead and host compute the same: the result is a function of settings and codes alone.
 //!
 //! **Arrival** is the top of the parabola that fits the force best over a quarter of its width to either
 //! side. The highest sample alone would tell it to one sample, and with noise to several. **Width** is
@@ -47,9 +46,9 @@ const RING_MEANS: u32 = 12;
 /// %.
 const RING_SIGNAL: f32 = 1000.0;
 
-/// The shape of a window, but for its number and its gains. A value that the window does not tell is 0. The
-/// force is highest at the sample `peak`, the ringing is over at the sample `ring_end`; `noise` is its mean
-/// square, (m/s²)²; `expected` is its frequency, Hz.
+/// The shape of a window, without its number and gains. A value that the window does not determine is 0.
+/// `peak` is the sample with the highest force, `ring_end` the one at which the ringing is over; `noise` is
+/// the mean square of the ringing's noise, (m/s²)²; `expected` is its frequency, Hz.
 ///
 /// Never inlined, so that its instructions can be counted by its symbol.
 #[inline(never)]
@@ -242,7 +241,8 @@ fn summit(forces: &[SensedForce], peak: usize, reach: usize) -> f32 {
 }
 
 /// Frequency (Hz) and decay (1/s) of a free oscillation; `noise` is the mean square of its noise, (m/s²)²;
-/// `expected` is about its frequency, Hz. `None` if the samples do not oscillate, or not loud enough.
+/// `expected` is its approximate frequency, Hz. `None` if the samples do not oscillate, or not strongly
+/// enough.
 fn ringing(
     accelerations: &[SensedAcceleration],
     sample_rate_hz: u32,
@@ -360,12 +360,12 @@ mod tests {
         let parabola: Vec<SensedForce> = (0..200)
             .map(|n| SensedForce::from_num(6.0 - 0.01 * (f64::from(n) - 97.3).powi(2)))
             .collect();
-        // Near an end it makes do with what there is.
+        // Near an end the fit uses the samples that there are.
         for forces in [&parabola[..], &parabola[..100]] {
             let top = summit(forces, 97, 9);
             assert!((top - 97.3).abs() < 1e-3, "{top}");
         }
-        // Where no parabola has its top within them, the highest sample it is.
+        // Where no parabola has its top within the samples, the result is the highest sample.
         for bits in [[99, 50, 50, 100, 50, 50, 60], [0, 0, 0, 100, 99, 99, 99], [1; 7]] {
             assert_eq!(summit(&forces(&bits.map(|force| force << 16)), 3, 3), 3.0);
         }

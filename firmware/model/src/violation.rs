@@ -1,4 +1,4 @@
-//! Which setting is refused, and which bound it violates.
+//! A refused setting, and the bound that it violates.
 
 macro_rules! keys {
     ($($name:ident $path:literal)*) => {

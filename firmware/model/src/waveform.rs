@@ -1,31 +1,32 @@
-//! The judge of a strike: the intruder's acceleration that the force predicts, against the measured one.
+//! The judge of a strike: compares the measured acceleration of the intruder with the one that the force
+//! predicts.
 //!
 //! # Design
 //!
 //! Both estimates of the energy share k, c, m and the gains, so where one of these is wrong they agree on a
-//! wrong value. Their wave forms do not agree: the reduced chain of estimate B says at each sample with which
-//! acceleration `(k x + c ẋ)/m` the springs push the intruder, and the accelerometer says which one it has.
+//! wrong value. Their wave forms do not agree: at each sample the reduced chain of estimate B predicts the
+//! acceleration `(k x + c ẋ)/m` of the intruder by its springs, and the accelerometer measures it.
 //!
 //! ```text
 //! residual² = (Σ (a - a_B)² - noise) / (Σ a² - noise)
 //! ```
 //!
-//! **One time.** The acceleration is converted two conversions after the force. Of an intruder of 1.7 kHz
-//! this alone would be a residual of 2.7 %, so a filter of three taps takes the measured acceleration back to
-//! the time of the force (`Correction`). It is exact at the frequency of the ringing.
+//! **One time.** The acceleration is converted two conversions after the force. For an intruder of 1.7 kHz
+//! this alone would leave a residual of 2.7 %, so a filter of three taps shifts the measured acceleration
+//! back to the time of the force (`Correction`). It is exact at the frequency of the ringing.
 //!
-//! **Samples compared.** From the end of the noise on, in the units of the reduced chain, by whole pieces. A
-//! piece in which the acceleration was at a rail is left out. Nothing is compared once the force was at a
-//! rail, since all predictions are wrong from then on. The residual has the samples before an echo from
-//! behind the last follower can be back at the host, since the reduced chain knows nothing of the beads
-//! there. After the paper's strike that is 3 ms, five times as long as its ringing takes to fall to 1/e. If
-//! the forms agree until then and no longer by the end of the window, later waves are beyond the model: those
-//! of a train among heavy intruders, or echoes. The settings are right, and estimate B is off.
+//! **Samples compared.** Whole pieces from the end of the noise are compared, in the units of the reduced
+//! chain. A piece in which the acceleration was at a rail is left out. Nothing is compared once the force was
+//! at a rail, since all predictions are wrong after that. The residual covers the samples before an echo from
+//! behind the last follower can return to the host, since the reduced chain knows nothing of the beads there.
+//! After the paper's strike that is 3 ms, five times as long as its ringing takes to fall to 1/e. If the
+//! forms agree until then, but not over the whole window, later waves are beyond the model: those of a train
+//! among heavy intruders, or echoes. The settings are right, and estimate B is off.
 //!
-//! **Noise.** Of the acceleration, its mean square is that of the same filter over the samples before the
-//! strike, and at least the square of half a code, by which a zero can be off that no noise moves. Noise of
-//! the force comes out of the chain as about the same part of the prediction as it is of the highest force. A
-//! residual is a doubt only beyond the tolerance and beyond the part that noise explains.
+//! **Noise.** The mean square of the acceleration's noise is that of the same filter over the samples before
+//! the strike. It is at least the square of half a code: without noise to move it, a zero can be off by this
+//! much. Noise of the force is about the same part of the prediction as it is of the highest force. A
+//! residual counts as a doubt only beyond the tolerance and beyond the part that noise explains.
 //!
 //! **Tolerance.** 1.2 % is below the residual of a bead that hangs 10° askew (1.5 %) or whose k is 1 % off
 //! (1.6 %), and above that of a good one (up to 0.3 %, 0.7 % where a train of waves meets a row of
@@ -44,11 +45,12 @@ use serde::Serialize;
 
 /// Least residual that flags a strike.
 const LEAST_TOLERANCE: f32 = 0.012;
-/// Least residual of the whole window that flags it: estimate B is up to 1 % off there, and up to 6 % above.
+/// Least residual over the whole window that flags a strike: estimate B is up to 1 % off there, and up to 6 %
+/// above.
 const LATER_TOLERANCE: f32 = 0.05;
 /// Tolerance over the error of the reduced chain.
 const MARGIN: f32 = 1.2;
-/// Width of a pulse whose samples make an error of 1, samples: 5.5 % at 5 samples.
+/// Width of a pulse at which the error of the reduced chain would be 1, samples: it is 5.5 % at 5 samples.
 const UNSAMPLED: f32 = 1.9;
 /// Width of the pulse of a weak strike over that of a wave of 1 m/s.
 const WIDER: f64 = 1.28;
@@ -85,18 +87,18 @@ pub struct WaveformState {
     piece: Squares,
     /// The pieces before the strike, which have noise only.
     quiet: Squares,
-    /// The pieces that count before an echo from behind the last follower can be there, and those after.
+    /// The counted pieces before an echo from behind the last follower can arrive, and those after.
     before: Squares,
     after: Squares,
 }
 
 impl WaveformJudge {
-    /// Of a bead whose accelerometer has `per_code` m/s² at the high gain, sampled every `dt` seconds. The
-    /// intruder rings with `phase` rad a sample.
+    /// Coefficients for a bead whose accelerometer has `per_code` m/s² at the high gain, sampled every `dt`
+    /// seconds. The intruder rings with `phase` rad a sample.
     pub(crate) fn new(bead: &Bead, per_code: f64, dt: f64, phase: f64) -> Self {
         // m/s² of a bit of a twelfth of a µm/sample².
         let unit = 12e-6 / (dt * dt) * Step::DELTA.to_num::<f64>();
-        // It is converted after both conversions of the force.
+        // The acceleration is converted after both conversions of the force.
         let Correction { slope, curve } = Correction::new(0.0, 2.0 * CONVERSION / dt, phase);
         let bits = SensedAcceleration::DELTA.to_num::<f64>() / unit;
         let taps = [curve + slope, 1.0 - 2.0 * curve, curve - slope].map(|tap| tap * bits);
@@ -111,7 +113,7 @@ impl WaveformJudge {
         }
     }
 
-    /// Residual from which on a strike is flagged whose pulse is `width` samples wide, 0 if that is unknown.
+    /// Residual above which a strike is flagged. Its pulse is `width` samples wide; 0 if that is unknown.
     pub fn tolerance(&self, width: f32) -> f32 {
         let samples = UNSAMPLED / width.min(self.width);
         (MARGIN * samples * samples * samples).max(LEAST_TOLERANCE)
@@ -123,13 +125,13 @@ impl WaveformJudge {
         is_beyond(waveform, self.tolerance(width), explained)
     }
 
-    /// As [`Self::differs`], of the `whole` window: later waves are beyond the model.
+    /// Like [`Self::differs`], over the `whole` window: true if later waves are beyond the model.
     pub(crate) fn differs_later(&self, whole: WaveformMatch, width: f32, explained: f32) -> bool {
         is_beyond(whole, self.tolerance(width).max(LATER_TOLERANCE), explained)
     }
 
-    /// Takes the measured accelerations of the next samples, at most [`PIECE`](crate::layout::PIECE), and the
-    /// predicted ones, as the reduced chain has them: of the springs' push. Never inlined, so that its
+    /// Takes the measured accelerations of the next samples, at most [`PIECE`](crate::layout::PIECE), and
+    /// those that the reduced chain predicts by the push of the springs. Never inlined, so that its
     /// instructions can be counted by its symbol.
     #[inline(never)]
     pub fn process(
@@ -200,13 +202,12 @@ fn is_beyond(waveform: WaveformMatch, tolerance: f32, explained: f32) -> bool {
 }
 
 impl WaveformState {
-    /// The piece is complete, and had noise only.
+    /// Closes a piece of noise.
     pub(crate) fn close_noise(&mut self) {
         self.quiet.add(core::mem::take(&mut self.piece));
     }
 
-    /// The piece is complete. It counts if all its samples are `known`; if it `echoes`, as one of those
-    /// after.
+    /// Closes a piece. It counts if all its samples are `known`; with `echoes`, among those after an echo.
     pub(crate) fn close_piece(&mut self, known: bool, echoes: bool) {
         let piece = core::mem::take(&mut self.piece);
         if known {

@@ -2,9 +2,9 @@
 //!
 //! # Design
 //!
-//! The force *rises* at a scan if its code is higher by the threshold than `lookback` scans before. An offset
-//! that drifts does not matter, and a recorded window alone tells when the force rises. Every scan is looked
-//! at, those of a window and after it too. Time from a rise to the next is *quiet*.
+//! The force *rises* at a scan if its code is higher by the threshold than `lookback` scans before. A
+//! drifting offset does not matter, and a recorded window alone shows when the force rises. Every scan is
+//! checked, both in a window and after it. The time from one rise to the next is *quiet*.
 //!
 //! | a rise after a quiet of | outside of a window | in a window that has a wave |
 //! |---|---|---|
@@ -19,9 +19,9 @@
 //! is not in it. What its intruder still holds then is in its energies
 //! ([`RingDown`](crate::ring_down::RingDown)). An eighth of the force brings 3 % of the energy.
 //!
-//! **Overlap.** Windows that overlap have more scans than came. A meter measures 3 of 8 that come. A
-//! window that overlaps the one before is opened only if the meter, in calls of any length, would not lag too
-//! far behind for it: else the wave is a part of the window, or missed.
+//! **Overlap.** Overlapping windows have more scans to measure than arrive. A meter measures 3 for every 8
+//! that arrive. A window that overlaps the one before is opened only if the meter, in calls of any length,
+//! would not lag too far behind for it; otherwise the wave is a part of the window, or missed.
 
 use core::ops::Range;
 
@@ -29,23 +29,23 @@ use crate::layout::{HISTORY_MAX, LEAD, WINDOW_MAX};
 use crate::quantity::Scan;
 use crate::settings::Settings;
 
-/// Inverse of the part of the highest force that a wave must have to be one of its own.
+/// Inverse of the least height of a separate wave, as a part of the highest force.
 const PART: i32 = 8;
 
 /// Scans that are kept besides a history, so that a window can be opened around an instant that has passed.
 pub const REACH: usize = 816;
 
-/// Part of the scans that come which the meter measures, as a fraction: so the busiest block is as busy as
-/// estimate B with six followers may make it.
+/// Scans measured over scans received: with this fraction the busiest block is as busy as estimate B with six
+/// followers may make it.
 pub(crate) const MEASURED: [usize; 2] = [3, 8];
 
-/// Scans that come while a window of `length` is measured.
+/// Scans received while a window of `length` is measured.
 const fn meanwhile(length: u64) -> u64 {
     length * MEASURED[1] as u64 / MEASURED[0] as u64
 }
 
-/// Scans by which the meter lags behind when it has measured a window that the force opened: its whole
-/// history waited at first.
+/// Lag of the meter, in scans, once it has measured a window that the force opened: the whole history waited
+/// at first.
 const fn lag(history: u64, length: u64) -> u64 {
     history + meanwhile(length) - length
 }
@@ -76,7 +76,7 @@ pub(crate) struct Around {
     pub(crate) trigger: u64,
     /// The window is opened at this sample index, if the force has opened none before.
     pub(crate) at: u64,
-    /// Who asks; the force if nobody does.
+    /// Origin of the request; the force if there is none.
     pub(crate) origin: Origin,
 }
 
@@ -131,9 +131,9 @@ pub(crate) struct Waves {
     pub(crate) is_armed: bool,
     /// True if a scan has been looked at.
     has_begun: bool,
-    /// Scans that have none to be compared with.
+    /// Number of scans still to come that have no earlier scan to be compared with.
     alone: u16,
-    /// Index of the first scan that no window has.
+    /// Index of the first scan that is in no window.
     since: u64,
     is_rising: bool,
     /// Height of the rise, and the highest in the window before, codes.
@@ -144,7 +144,7 @@ pub(crate) struct Waves {
     /// True if the newest window has a wave.
     has_wave: bool,
     newest: PlannedWindow,
-    /// Sample index at which the windows before it are measured, of three in five scans that come.
+    /// Sample index by which the windows before it are measured.
     done: u64,
 }
 
@@ -176,9 +176,8 @@ impl Waves {
         }
     }
 
-    /// Looks at the scans `new`, of which the first has the sample index `index`, up to the next wave.
-    /// `may_cut` says if a wave may cut the window that it comes in. Returns the wave and the number of scans
-    /// passed.
+    /// Checks the scans `new`, the first with the sample index `index`, up to the next wave. With `may_cut`,
+    /// a wave may cut the window that it comes in. Returns the wave and the number of scans passed.
     pub(crate) fn look(
         &mut self,
         settings: &Settings,
@@ -206,8 +205,8 @@ impl Waves {
         (wave, passed)
     }
 
-    /// Follows a rise through the scans `new` to its end, or to the scan at which it cuts a window. As
-    /// [`look`](Self::look).
+    /// Follows a rise through the scans `new` to its end, or to the scan at which it cuts a window. Takes and
+    /// returns the same as [`look`](Self::look).
     fn follow_rise(
         &mut self,
         settings: &Settings,
@@ -242,7 +241,7 @@ impl Waves {
         (None, new.len())
     }
 
-    /// The force rises at the scan `index`.
+    /// Handles a rise of the force at the scan `index`.
     fn rise(&mut self, settings: &Settings, index: u64, may_cut: bool) -> Option<Wave> {
         let is_new = self.quiet >= u32::from(settings.window.lookback);
         if index >= self.newest.end {
@@ -267,13 +266,13 @@ impl Waves {
         self.is_armed = self.quiet >= u32::from(window.history) + u32::from(window.lookback);
     }
 
-    /// Sample index at which the newest window is measured if it ends at `end`.
+    /// Sample index by which the newest window is measured if it ends at `end`.
     fn done(&self, end: u64) -> u64 {
         self.done.max(self.newest.opened) + meanwhile(end.saturating_sub(self.newest.first))
     }
 
-    /// True if the meter would lag no more than it may with a window that the scan `trigger` opens, if the
-    /// newest ends at `end`.
+    /// True if the lag of the meter would stay within its limit with a window that the scan `trigger` opens,
+    /// while the newest ends at `end`.
     fn is_in_time(&self, settings: &Settings, trigger: u64, end: u64) -> bool {
         let window = &settings.window;
         let [history, length] = [window.history, window.length].map(u64::from);
@@ -281,7 +280,7 @@ impl Waves {
         first >= self.newest.end || self.done(end) + lag(history, length) <= first + LAG_MAX as u64
     }
 
-    /// The window around a scan, opened at the scan `opened`. It is the newest from now on.
+    /// Plans the window around a scan, opened at the scan `opened`. It becomes the newest.
     pub(crate) fn plan(
         &mut self,
         settings: &Settings,
@@ -306,8 +305,8 @@ impl Waves {
         self.newest
     }
 
-    /// The window that was asked for, if it can be opened at the scan `index`: the detector is armed, and all
-    /// of its scans are there, from `kept` on, and in no other window.
+    /// Plans the requested window, if it can be opened at the scan `index`: the detector is armed, and all
+    /// scans of the window are still kept (from `kept`) and in no other window.
     pub(crate) fn asked(
         &mut self,
         settings: &Settings,
@@ -321,8 +320,8 @@ impl Waves {
         is_free.then(|| self.plan(settings, trigger, index, origin))
     }
 
-    /// Index of the scan up to which it is known that no wave cuts the window that ends at `end`, if the
-    /// scans before `looked` were looked at.
+    /// Index of the scan before which no wave can cut the window that ends at `end`, if the scans before
+    /// `looked` were checked.
     pub(crate) fn known_until(&self, looked: u64, end: u64) -> u64 {
         match self.candidate {
             None if looked >= end => end,

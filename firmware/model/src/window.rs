@@ -18,7 +18,7 @@ use micromath::F32Ext;
 /// Part by which the ratio of the two gains of a sensor may be off.
 pub const GAIN_TOLERANCE: I16F16 = I16F16::lit("0.02");
 
-/// Flags that say why the wave forms differ, though the bead itself is as its settings say.
+/// Flags that explain why the wave forms differ although the bead is as its settings say.
 const EXPLAIN: StrikeFlags = StrikeFlags::FORCE_RAILED
     .with(StrikeFlags::ANOTHER_WAVE)
     .with(StrikeFlags::CHAIN_RANGE)
@@ -26,16 +26,16 @@ const EXPLAIN: StrikeFlags = StrikeFlags::FORCE_RAILED
     .with(StrikeFlags::SENSOR_END)
     .with(StrikeFlags::NOT_AT_REST);
 
-/// Eighths of the highest force below which a wave has fallen, so that another one may come; and those where
-/// two waves come within the width of one.
+/// Eighths of the highest force below which a wave has fallen, so that another may follow; and the limit for
+/// two waves within the width of one.
 const FALLEN: i32 = 4;
 const FALLEN_OF_DOUBLE: i32 = 5;
 
-/// Part of an energy, as its inverse, above which the energy left is flagged: 0.5 %.
+/// Inverse of the part of an energy above which the energy left is flagged: 0.5 %.
 const RINGING: i128 = 200;
 
-/// A and B differ if they are further apart than so many standard uncertainties of their difference. Chance
-/// alone takes 3 of 1000 good beads there.
+/// Standard uncertainties of A - B beyond which A and B count as different. Chance alone takes 3 of 1000 good
+/// beads there.
 pub const COVERAGE: i32 = 3;
 
 /// The running window of a strike.
@@ -54,10 +54,10 @@ pub struct Window {
     force_samples: u16,
     /// End of the last piece that counted for estimate A.
     ring_end: u16,
-    /// True if the wide codes of the newest piece had a part in the result.
+    /// True if the result depends on the wide codes of the newest piece.
     loud: bool,
     railed: StrikeFlags,
-    /// Number of the next pieces in which an acceleration at a rail has a part.
+    /// Number of coming pieces that an acceleration at a rail still affects.
     unknown: u8,
 }
 
@@ -114,7 +114,7 @@ impl Window {
         self.note(force, StrikeFlags::FORCE_RAILED);
         self.note(acceleration, StrikeFlags::ACCELERATION_RAILED);
         if acceleration.railed {
-            // A code has a part in the next values too, which may be those of the next piece.
+            // A code also affects the next values, which may belong to the next piece.
             self.unknown = 2;
         }
         record.extend(forces, accelerations);
@@ -145,7 +145,7 @@ impl Window {
         self.railed = self.railed.with_if(loudness.railed, railed);
     }
 
-    /// A piece is complete.
+    /// Closes a piece.
     fn close_piece(&mut self, settings: &Settings) {
         let noise_end = settings.window.noise_end();
         if self.samples <= BASELINE {
@@ -173,8 +173,8 @@ impl Window {
         self.samples
     }
 
-    /// Returns `true` if the wide codes of the newest piece, or of the two samples before it, had a part in
-    /// the result. If not, the result needs no wide codes.
+    /// Returns `true` if the result depends on the wide codes of the newest piece or of the two samples
+    /// before it.
     pub fn is_loud(&self) -> bool {
         self.loud
     }
@@ -191,8 +191,8 @@ impl Window {
         settings.chain.absorbed(settings.scale.predicted, &self.chain)
     }
 
-    /// The energy that the intruder holds at the end of the window. Below the noise it has none in estimate
-    /// A.
+    /// The energy that the intruder holds at the end of the window. In estimate A it is 0 once the ringing is
+    /// below the noise.
     fn left(&self, settings: &Settings, record: &WindowRecord) -> Option<LeftEnergy> {
         let last = self.samples / PIECE as u16 * PIECE as u16;
         let rings = self.ring_end > 0 && self.ring_end == last;
@@ -268,7 +268,7 @@ impl Window {
         (strike, shape)
     }
 
-    /// Flags of what stands in the record, whatever the model says.
+    /// Flags that follow from the record alone, whatever the model says.
     fn found(
         &self,
         settings: &Settings,
@@ -301,7 +301,7 @@ impl Window {
             .with_if(is_cut, StrikeFlags::WINDOW_CUT)
     }
 
-    /// Flags of a bead that is not what the model of it says, unless those that were `found` explain it.
+    /// Flags of a bead that deviates from its model, unless the flags in `found` explain the deviation.
     fn judged(
         &self,
         settings: &Settings,
@@ -312,7 +312,7 @@ impl Window {
         found: StrikeFlags,
     ) -> StrikeFlags {
         let width = shape.width.samples() as f32;
-        // The uncertainty of the difference has the noise's in it.
+        // The uncertainty of the difference includes that of the noise.
         let (part, noise) = match shape.uncertainty {
             Some(known) => (
                 I16F16::from_bits(known.difference.bits().saturating_mul(COVERAGE)),
@@ -331,7 +331,7 @@ impl Window {
         let is_unexplained = found.without(EXPLAIN) == found;
         let differs = |waveform| settings.waveform.differs(waveform, width, explained);
         let model_differs = is_unexplained && shape.waveform.is_some_and(differs);
-        // In a row of heavy intruders one wave looks like two so close, but the forms agree.
+        // In a row of heavy intruders one wave looks like two close ones, but the wave forms agree.
         let is_double = model_differs && another_wave(settings, record.forces(), peak, FALLEN_OF_DOUBLE);
         let later = || {
             let whole = settings
@@ -348,7 +348,7 @@ impl Window {
                 is_unexplained && !model_differs && later(),
                 StrikeFlags::WAVE_TRAIN,
             );
-        // Another flag explains a difference. Energy that is left explains none: both estimates have it.
+        // Another flag explains a difference. Energy left at the end does not: both estimates include it.
         let is_unexplained = found.with(flags) == StrikeFlags::NONE;
         flags.with_if(is_unexplained && is_apart, StrikeFlags::ESTIMATES_DIFFER)
     }
@@ -368,9 +368,10 @@ impl Window {
 
 /// True if the forces of a window have more waves than the one that it was opened for.
 ///
-/// After a quiet of `lookback` samples, a wave that is an eighth as high as the highest before brings 3 % of
-/// its energy. Sooner after it, the waves that a heavy striker sends one after another come, each lower than
-/// the one before: another strike is one that is about as high, with a fall between both to `fallen` eighths.
+/// After a quiet of `lookback` samples, a wave counts if it is an eighth as high as the highest before: it
+/// brings 3 % of its energy. Before such a quiet, a heavy striker sends a train of waves, each lower than the
+/// one before. There a wave counts only if it is about as high, and the force fell to `fallen` eighths in
+/// between.
 ///
 /// Never inlined, so that its instructions can be counted by its symbol.
 #[inline(never)]
@@ -380,7 +381,7 @@ fn another_wave(settings: &Settings, forces: &[SensedForce], peak: SensedForce, 
     let threshold = (i64::from(per_code.to_bits()) * i64::from(settings.window.threshold))
         >> (I2F30::FRAC_NBITS - SensedForce::FRAC_NBITS);
     let threshold = threshold as i32;
-    // A rise far below the peak runs ahead of a wave, and is none itself.
+    // A rise far below the peak is a precursor of a wave, not a wave of its own.
     let floor = threshold.max(peak.to_bits() / 8);
     let (mut highest, mut quiet) = (0, 0_usize);
     let [mut again, mut anew] = [i32::MAX; 2];
@@ -424,7 +425,7 @@ fn fraction(part: Energy, whole: Energy) -> Fraction {
     }
 }
 
-/// Returns `true` if two energies differ by more than `part` of the greater and the energy of the noise.
+/// Returns `true` if two energies differ by more than `part` of the greater plus the energy of the noise.
 fn differ([a, b]: [Energy; 2], part: I16F16, noise: Energy) -> bool {
     let apart = u128::from(
         a.bits()
@@ -438,8 +439,9 @@ fn differ([a, b]: [Energy; 2], part: I16F16, noise: Energy) -> bool {
 /// Energy of the solitary wave whose peak force is `peak`: `e F^{5/3}`, with `e` in nJ/N^{5/3}. Within 1e-5,
 /// in f32, once a strike.
 ///
-/// `micromath`'s power is off by up to 18 % over 0.1 to 1000 N. It starts two Newton steps for the cube root.
-/// Every recorded strike has the bits of these steps, so another power function would end its replay.
+/// `micromath`'s power is off by up to 18 % over 0.1 to 1000 N. It is the start of two Newton steps for the
+/// cube root. Recorded strikes contain the bits of these steps, so another power function would break their
+/// replay.
 pub fn incident_energy(coefficient: I16F16, peak: SensedForce) -> Energy {
     if peak <= SensedForce::ZERO {
         return Energy::default();

@@ -1,14 +1,14 @@
-//! The bead's memory: its settings in flash, over a loss of power, and its last windows in RAM, over a reset
-//! ([`Windows`]). The settings are written while the bead runs.
+//! The bead's memory: its settings in flash, which survive a loss of power, and its last windows in RAM,
+//! which survive a reset ([`Windows`]). The settings are written while the bead runs.
 //!
 //! # Design
 //! The store is `sequential-storage` on two sectors. Each write appends the block with its checksum, and the
 //! last whole block counts. A write that is cut leaves the block before it.
 //!
 //! **Nothing is erased while the bead runs.** Flash of one bank cannot be read while a sector is erased, and
-//! the code lies in it. The core would stand still for one or two seconds, longer than the watchdog, the time
-//! driver and the ring of the converter can bear. So only [`Store::open`] erases, at start-up, before there
-//! are samples, and it leaves room for at least one block. A write that finds no room is refused as
+//! it holds the code. The core would stall for one or two seconds, longer than the watchdog, the time driver
+//! and the ring of the converter can bear. So only [`Store::open`] erases, at start-up, before there are
+//! samples, and it leaves room for at least one block. A write that finds no room is refused as
 //! [`StoreError::Full`], and the next start makes room. A sector of 128 KiB holds about 500 blocks of 250
 //! bytes.
 //!

@@ -2,16 +2,16 @@
 //!
 //! # Design
 //! A sector endures 10 000 erases (DocID022152, flash memory endurance), and a full sector is erased at the
-//! next start. A host that writes and resets without end would wear it out within days. So blocks are written
-//! [`BURST`] at once at most, and one each [`EVERY_MS`] in the long run. Of the longest blocks a sector holds
-//! 440, so there are 20 erases a day at most, and the two sectors last 2.7 years even then.
+//! next start. A host that writes and resets without end would wear it out within days. So at most [`BURST`]
+//! blocks are written at once, and one every [`EVERY_MS`] in the long run. A sector holds 440 of the longest
+//! blocks, so there are 20 erases a day at most, and the two sectors last 2.7 years even then.
 //!
-//! The number of blocks written lately must outlive a reset, or a reset would be the way around it. Time that
+//! The number of blocks written lately must survive a reset, or a reset would circumvent the limit. Time that
 //! passes during a reset is not counted.
 
 /// Blocks that may be written at once.
 pub const BURST: u32 = 16;
-/// Time after which another one may be, in ms.
+/// Time after which another block may be written, in ms.
 pub const EVERY_MS: u64 = 10_000;
 
 /// Counts the blocks that are written.
@@ -19,22 +19,23 @@ pub const EVERY_MS: u64 = 10_000;
 pub struct Pace {
     /// Blocks written lately: one fewer every [`EVERY_MS`].
     written: u32,
-    /// Time up to which they were taken off, in ms.
+    /// Time up to which `written` has been reduced, in ms.
     until_ms: u64,
 }
 
 impl Pace {
-    /// As the start before left it, at time 0. A number that no start leaves counts as [`BURST`].
+    /// Continues at time 0 from the number that the last start left. A number that no start leaves counts as
+    /// [`BURST`].
     pub const fn new(written: u32) -> Self {
         let written = if written > BURST { BURST } else { written };
         Self { written, until_ms: 0 }
     }
 
-    /// Asks at a time since the start whether a block may be written, and counts it. Returns the number to
+    /// Counts a block to be written at this time since the start, if it may be written. Returns the number to
     /// keep over a reset.
     ///
     /// # Errors
-    /// Not yet: after how many ms it may be.
+    /// The time in ms after which the block may be written.
     pub fn write(&mut self, now_ms: u64) -> Result<u32, u64> {
         let passed = now_ms.saturating_sub(self.until_ms) / EVERY_MS;
         self.written = self

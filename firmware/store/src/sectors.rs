@@ -153,8 +153,8 @@ impl<F: NorFlash> asynchronous::NorFlash for Sectors<F> {
         Self::erase(self, &(from..to))
     }
 
-    /// Reads it back, too: flash that has worn out takes a word and does not keep it, and the library erases
-    /// the sector that it has moved the block from.
+    /// Writes and reads back: flash that has worn out takes a word and does not keep it, and the library
+    /// erases the sector that it has moved the block from.
     async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), SectorError> {
         if self.alone.is_some() {
             return Err(SectorError::Flash);
@@ -182,7 +182,7 @@ mod tests {
     /// The store is the middle of four sectors.
     const RANGE: Range<u32> = SECTOR as u32..3 * SECTOR as u32;
 
-    /// Flash that holds zeros in the store, from the first to before the second of each of these bytes.
+    /// Flash with zeros in the store, in each of these ranges of bytes: first, and one after the last.
     fn sectors(zeros: &[[usize; 2]]) -> Sectors<PowerCutFlash<SECTOR>> {
         let mut flash = PowerCutFlash::blank(4);
         for &[from, to] in zeros {

@@ -17,7 +17,7 @@ use crate::sectors::{COUNT, SectorError, Sectors};
 pub const MAX_BLOCK: usize = 448 + 28;
 /// A block with its key, rounded up to words of any flash.
 const BUFFER: usize = MAX_BLOCK + 32;
-/// The store keeps one item.
+/// Key of the only item in the store.
 const KEY: u8 = 1;
 /// If there is no room for the longest block, this many writes of any block are enough to move to the other
 /// sector.
@@ -39,7 +39,7 @@ pub struct Opened {
     pub lost: bool,
 }
 
-/// Why a block was not read or written.
+/// Error of reading or writing a block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum StoreError {
     /// A sector has to be erased first, which happens at the next start.
@@ -68,7 +68,7 @@ impl<F: NorFlash> Store<F> {
             Ok(worth) => !worth,
             // The flash fails somewhere. A block that can still be read is kept.
             Err(_) => {
-                // To the library a block that is read wrongly is one to be repaired, and it erases for that.
+                // The library would repair a block that is read wrongly, and erase for that.
                 store.sectors.may_erase = false;
                 let held = store.reads_block() || store.reads_block();
                 store.sectors.may_erase = true;
@@ -123,7 +123,7 @@ impl<F: NorFlash> Store<F> {
         for sector in self.sectors.each() {
             // The library reads a mark at each end of a sector, and an erase that was cut may leave either
             // mark. A sector without a whole block is worthless, whatever its marks.
-            // An erase takes away for good what was perhaps only read wrongly. So it is read twice.
+            // An erase destroys what was perhaps only misread. So the sector is read twice.
             if !self.sectors.is_blank(&sector)? && !self.holds_block(&sector) && !self.holds_block(&sector) {
                 self.sectors.erase(&sector)?;
                 worthless = true;
@@ -163,15 +163,15 @@ impl<F: NorFlash> Store<F> {
         Ok(self.fetch()?.filter(|block| !block.is_empty()))
     }
 
-    /// Returns `true` if the sectors held something when they were opened, and no block was found there. A
-    /// store that was [opened as it is](Self::open_as_it_is) may be so after a power cut in an erase, and any
-    /// store on flash that fails.
+    /// Returns `true` if the sectors held something when they were opened, and no block was found there. This
+    /// happens to a store that was [opened as it is](Self::open_as_it_is) after a power cut in an erase, and
+    /// to any store on flash that fails.
     pub const fn is_unreadable(&self) -> bool {
         self.unreadable
     }
 
-    /// Writes a block, and reads it back. After an error the block before it holds; on flash that has worn
-    /// out it may be this one, if only what is beside it was not kept.
+    /// Writes a block, and reads it back. After an error the block before it remains; on flash that has worn
+    /// out it may be this one, if only data beside it was not kept.
     ///
     /// # Errors
     /// See [`StoreError`].
@@ -190,7 +190,7 @@ impl<F: NorFlash> Store<F> {
         }
     }
 
-    /// Gives the flash back.
+    /// Returns the flash.
     pub fn into_flash(self) -> F {
         self.sectors.flash
     }

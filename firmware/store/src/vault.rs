@@ -1,12 +1,12 @@
 //! A settings block and the secret of its owner, in one record of the store.
 //!
 //! # Design
-//! One record, so that a power cut leaves the old pair or the new one, and never one without the other. A
-//! bead without a secret has its block alone in the record, as beads had before there were secrets. The block
+//! Both are in one record, so that a power cut leaves the old pair or the new one, and never one without the
+//! other. Without a secret, the record holds only the block, as it did before there were secrets. The block
 //! begins with "BEAD", so the two forms cannot be taken for each other.
 //!
-//! A store that cannot be read may hold a secret: it is not taken for one without. It stays so until the next
-//! start, which may erase what is in its way.
+//! A store that cannot be read may hold a secret, so it is not treated as one without. It stays unreadable
+//! until the next start, which may erase what is in its way.
 //!
 //! ```text
 //! block
@@ -41,7 +41,7 @@ impl Secret {
         head
     }
 
-    /// The secret in a record, and the rest of it.
+    /// Splits a record into its secret, if it has one, and the block.
     fn split(record: &[u8]) -> (Option<Self>, &[u8]) {
         let parts = record.strip_prefix(&MAGIC).and_then(|rest| {
             let (key, rest) = rest.split_first_chunk()?;
@@ -67,8 +67,8 @@ impl<F: NorFlash> Vault<F> {
         Self { store, secret }
     }
 
-    /// Returns `true` if the store could not be read when it was opened. Then nobody knows whether there is a
-    /// secret, and nothing is written.
+    /// Returns `true` if the store could not be read when it was opened. It is then unknown whether there is
+    /// a secret, and nothing is written.
     pub const fn is_unreadable(&self) -> bool {
         self.store.is_unreadable()
     }
@@ -92,7 +92,7 @@ impl<F: NorFlash> Vault<F> {
             .filter(|block| !block.is_empty()))
     }
 
-    /// Writes a settings block beside the secret. After an error both are what they were.
+    /// Writes a settings block beside the secret. After an error, both are unchanged.
     ///
     /// # Errors
     /// As [`Store::write`], and [`StoreError::Flash`] if the store [was unreadable](Self::is_unreadable).
@@ -111,7 +111,7 @@ impl<F: NorFlash> Vault<F> {
         self.put(self.secret, &[])
     }
 
-    /// Keeps another secret, or none, beside the settings block. After an error both are what they were.
+    /// Replaces the secret beside the settings block, or removes it. After an error, both are unchanged.
     ///
     /// # Errors
     /// As [`write`](Self::write).
@@ -126,7 +126,7 @@ impl<F: NorFlash> Vault<F> {
         self.put(secret, &block[..length])
     }
 
-    /// Gives the flash back.
+    /// Returns the flash.
     pub fn into_flash(self) -> F {
         self.store.into_flash()
     }

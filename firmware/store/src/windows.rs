@@ -2,8 +2,8 @@
 //!
 //! # Design
 //! A window is a run of parts, each a number and bytes: the frames of a strike without their headers. Windows
-//! lie one behind the other in a ring of bytes; the oldest give way. So there are the more of them, the
-//! shorter and quieter they are. A directory of [`WINDOWS`] entries says where each begins.
+//! follow one another in a ring of bytes; new ones replace the oldest. The shorter and quieter they are, the
+//! more of them fit. A directory of [`WINDOWS`] entries says where each begins.
 //!
 //! **Over a reset** nothing of this program's state is trusted. Each entry has a checksum of its own and one
 //! of its window's bytes. After a reset the entries that pass are taken up again, and all else is forgotten.
@@ -22,8 +22,7 @@ const HEAD: usize = 4;
 /// Bytes that a step of [`Windows::seal`] takes: some 350 instructions, in which no interrupt comes.
 const STEP: usize = 32;
 
-/// The memory: plain numbers and bytes only, so that any contents are a value of it. `N` is a multiple of
-/// four.
+/// The memory: plain numbers and bytes only, so that any contents are valid. `N` is a multiple of four.
 #[repr(C)]
 pub struct WindowMemory<const N: usize> {
     entries: [WindowEntry; WINDOWS],
@@ -46,7 +45,7 @@ impl<const N: usize> Default for WindowMemory<N> {
     }
 }
 
-/// Where a window is, and what it is of.
+/// Place of a window, and the strike that it is of.
 #[derive(Clone, Copy)]
 #[repr(C)]
 struct WindowEntry {
@@ -54,7 +53,7 @@ struct WindowEntry {
     serial: u32,
     boot: u32,
     strike: u32,
-    /// Of its bytes in the ring.
+    /// Start of its bytes in the ring.
     start: u32,
     length: u32,
     parts: u32,
@@ -65,7 +64,7 @@ struct WindowEntry {
 }
 
 impl WindowEntry {
-    /// It stands for no window.
+    /// An entry without a window.
     const NONE: Self = Self {
         serial: 0,
         boot: 0,
@@ -145,7 +144,7 @@ pub struct Windows<'m, const N: usize> {
 }
 
 impl<'m, const N: usize> Windows<'m, N> {
-    /// The windows that `memory` still holds, if it `survived`; otherwise none, whatever is in it.
+    /// Takes over the windows in `memory` if it `survived`; otherwise forgets all of its contents.
     pub fn new(memory: &'m mut WindowMemory<N>, survived: bool) -> Self {
         const { assert!(N.is_multiple_of(4) && N > 0) };
         let mut windows = Self {
@@ -164,7 +163,7 @@ impl<'m, const N: usize> Windows<'m, N> {
         windows
     }
 
-    /// Finds the windows that are whole, from the newest back. One between them that is not whole stays as a
+    /// Finds the windows that are whole, from the newest back. A damaged window between them stays as a
     /// window without parts.
     fn take_up(&mut self, survived: bool) {
         for slot in 0..WINDOWS {
@@ -326,7 +325,7 @@ impl<'m, const N: usize> Windows<'m, N> {
         self.sum = RunningChecksum::new();
     }
 
-    /// Makes a little of the checksums that are still to be made. Returns whether there is more to do.
+    /// Computes the next part of the outstanding checksums. Returns true if there is more to do.
     pub fn seal(&mut self) -> bool {
         if self.unsealed == self.next {
             return false;
@@ -352,7 +351,7 @@ impl<'m, const N: usize> Windows<'m, N> {
         self.unsealed != self.next
     }
 
-    /// The windows that are kept, oldest first: the one with this number among them, from 0.
+    /// The kept window with this number; the oldest is 0.
     pub fn kept(&self, number: u32) -> Option<KeptWindow> {
         let serials = self.oldest..self.next;
         let entries = serials.map(|serial| self.entry(serial));
@@ -365,7 +364,7 @@ impl<'m, const N: usize> Windows<'m, N> {
         })
     }
 
-    /// The beginning of a window.
+    /// A cursor at the first part of a window.
     pub fn find(&self, boot: u32, strike: u32) -> Option<Cursor> {
         (self.oldest..self.next)
             .map(|serial| self.entry(serial))
@@ -548,13 +547,13 @@ mod tests {
                 assert_eq!(all(&windows).last(), Some(&new));
                 expected.push(new);
             }
-            // The memory is seen to keep the newest of all windows.
+            // The memory keeps the newest of all windows.
             let kept = all(&windows);
             let gone = expected.len() - kept.len();
             expected.drain(..gone);
             assert_eq!(kept, expected, "boot {boot}");
             most = most.max(kept.len());
-            // Less is free than the window took that made the last one go, or the directory is full.
+            // The free space is smaller than the window that displaced the oldest, or the directory is full.
             let bytes: usize = kept.iter().map(size).sum();
             let is_full = kept.len() == WINDOWS || bytes + 2 * 6 * 64 > N;
             assert!(gone == 0 || is_full, "{bytes} bytes");
@@ -676,7 +675,7 @@ mod tests {
         assert!(!windows.is_filling() && !windows.is_open(3, 5));
         windows.append(1, &[7; 30]);
         windows.close();
-        // Nor is one without parts kept, and however many there are they take no place.
+        // A window without parts is not kept either; any number of them takes no room.
         for strike in 0..2 * WINDOWS as u32 {
             windows.open(4, strike);
             windows.close();
@@ -712,7 +711,7 @@ mod tests {
         }
     }
 
-    /// As another image may leave it there, with a memory of another size.
+    /// Another image, with a memory of another size, may leave such an entry.
     #[test]
     fn an_entry_with_a_right_checksum_that_does_not_fit_the_memory_is_not_believed() {
         let mut memory = memory(&mut 21);

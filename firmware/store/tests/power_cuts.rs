@@ -35,7 +35,8 @@ fn held() -> CutFlash {
     store.into_flash()
 }
 
-/// Starts on disturbed flash, then on the same as it should be: the first start, and the block at the second.
+/// Starts on disturbed flash, then on the same flash undisturbed: returns the first start, and the block at
+/// the second.
 fn disturbed(flash: CutFlash) -> (Opened, Option<Vec<u8>>) {
     let (store, opened) = Store::open(flash, RANGE);
     let (mut store, _) = open(&CutFlash {
@@ -250,7 +251,7 @@ fn change(vault: &mut Vault<CutFlash>, n: usize) -> Result<(), StoreError> {
     }
 }
 
-/// Changes as a bead that restarts when its store is full.
+/// Makes a change like a bead that restarts when its store is full.
 fn changed(mut vault: Vault<CutFlash>, n: usize) -> (Vault<CutFlash>, Result<(), StoreError>) {
     match change(&mut vault, n) {
         Err(StoreError::Full) => {
@@ -262,7 +263,7 @@ fn changed(mut vault: Vault<CutFlash>, n: usize) -> (Vault<CutFlash>, Result<(),
     }
 }
 
-/// Starts the store on flash whose power is cut after so many operations, and does the change.
+/// Starts the store on flash whose power is cut after `power` operations, and does the change.
 fn cut(before: &CutFlash, seed: u32, power: u32, n: usize) -> (CutFlash, Result<(), StoreError>) {
     let ram = CutFlash {
         power_left: Some(power),
@@ -273,7 +274,7 @@ fn cut(before: &CutFlash, seed: u32, power: u32, n: usize) -> (CutFlash, Result<
     (vault.into_flash(), result)
 }
 
-/// Starts the store on flash whose power is cut, or is not, after so many operations.
+/// Starts the store on flash whose power is cut after `power` operations, if that is given.
 fn started(mut ram: CutFlash, power: Option<u32>) -> CutFlash {
     ram.power_left = power;
     Store::open(ram, RANGE).0.into_flash()
@@ -330,7 +331,7 @@ fn a_store_opened_as_it_is_after_a_power_cut_has_its_key_or_is_unreadable_and_th
             if ram.power_left != Some(0) {
                 break;
             }
-            // The next start is cut in the first that it does: an erase, or a word of a move.
+            // The next start is cut in its first operation: an erase, or a word of a move.
             let mut ram = started(ram, Some(1));
             ram.power_left = None;
             let held = ram.bytes.clone();

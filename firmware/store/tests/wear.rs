@@ -19,13 +19,13 @@ const WRITES: usize = if cfg!(miri) { 3 } else { 120 };
 /// Failure of a bit that has been erased too often.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Weakness {
-    /// It does not rise any more: erased flash is not blank.
+    /// It no longer rises: erased flash is not blank.
     StaysLow,
-    /// It does not fall any more: a word is not what was written.
+    /// It no longer falls: a word is not what was written.
     StaysHigh,
     /// It falls, and rises again by itself before the next operation.
     RisesAgain,
-    /// As `StaysHigh`, and the controller says so.
+    /// Like `StaysHigh`, and the controller reports it.
     Told,
 }
 
@@ -45,7 +45,7 @@ struct Worn {
     weakness: Weakness,
     /// Bits that have failed.
     failed: Vec<u8>,
-    /// State of what draws the bits that fail (xorshift32, Marsaglia 2003).
+    /// State of the generator that draws the bits that fail (xorshift32, Marsaglia 2003).
     random: u32,
 }
 
@@ -142,7 +142,7 @@ fn a_store_that_wears_out_keeps_what_it_acknowledged_and_refuses_the_rest() {
             let (mut store, _) = Store::open(flash, RANGE);
             let mut written = store.write(&block(n));
             if written == Err(StoreError::Full) {
-                // As a bead does that starts again to make room.
+                // As a bead that restarts to make room.
                 store = Store::open(store.into_flash(), RANGE).0;
                 written = store.write(&block(n));
             }

@@ -1,8 +1,8 @@
-//! A sink that keeps what a meter gives.
+//! A sink that keeps the results of a meter.
 
 use bead_model::{Chunk, Meter, Origin, Scan, Settings, Shape, Sink, Strike};
 
-/// Everything that a meter gave, in its order.
+/// All results of a meter, in order.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Collector {
     /// Trigger index and origin of each window that was opened.
@@ -11,7 +11,7 @@ pub struct Collector {
     pub chunks: Vec<Chunk>,
     /// Results of strikes.
     pub reports: Vec<Strike>,
-    /// Their shapes.
+    /// Shapes of the strikes.
     pub shapes: Vec<Shape>,
 }
 

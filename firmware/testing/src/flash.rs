@@ -36,7 +36,7 @@ impl NorFlashError for FlashFailure {
 }
 
 impl<const SECTOR: usize> PowerCutFlash<SECTOR> {
-    /// Erased flash of so many sectors, all of it writable.
+    /// Erased flash of this many sectors, all of it writable.
     pub fn blank(sectors: usize) -> Self {
         Self::holding(vec![0xFF; sectors * SECTOR])
     }
@@ -44,7 +44,7 @@ impl<const SECTOR: usize> PowerCutFlash<SECTOR> {
     /// Flash with these contents, all of it writable.
     ///
     /// # Panics
-    /// The contents are no whole number of sectors.
+    /// The contents are not a whole number of sectors.
     pub fn holding(bytes: Vec<u8>) -> Self {
         assert!(bytes.len().is_multiple_of(SECTOR), "whole sectors");
         let size = u32::try_from(bytes.len()).expect("flash below 4 GiB");

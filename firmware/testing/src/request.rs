@@ -13,7 +13,7 @@ pub fn write(block: &[u8]) -> Request {
     }
 }
 
-/// A payload with its CRC, COBS and delimiters: what no program of ours would send.
+/// A payload with its CRC, COBS and delimiters, for frames that none of our programs would send.
 pub fn framed(payload: &[u8]) -> Vec<u8> {
     let crc = Crc::<u32>::new(&CRC_32_ISO_HDLC).checksum(payload);
     let payload = [payload, &crc.to_le_bytes()].concat();

@@ -31,7 +31,7 @@ pub fn block(settings: &Settings) -> Vec<u8> {
     block_of(settings).block.bytes().to_vec()
 }
 
-/// Settings of the paper's bead that samples at another rate: the same numbers of samples, and right in
+/// Settings of the paper's bead at another sample rate: the same numbers of samples, and consistent in
 /// themselves.
 ///
 /// # Panics
@@ -47,7 +47,7 @@ pub fn settings_at(rate: u32) -> Settings {
 }
 
 /// Settings at random that a bead must take: every number that can be chosen, at the corners of its range and
-/// within it. `random` gives random bits.
+/// within it. `random` returns random bits.
 ///
 /// # Panics
 /// A thousand drawn settings are all refused: the ranges here are not those of the check.

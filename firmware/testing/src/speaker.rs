@@ -93,7 +93,7 @@ impl Speaker {
     }
 
     /// Says its identity and its settings, as after a reset, then measures these scans, the first of which
-    /// has the index 1. Gives the number of strikes.
+    /// has the index 1. Returns the number of strikes.
     pub fn measure(
         &mut self,
         settings: &bead_model::Settings,

@@ -11,13 +11,13 @@ use object::read::elf::{ElfFile32, ProgramHeader};
 use crate::layout::{FLASH, Layout};
 use crate::manifest::{MANIFEST, Manifest, ManifestError, NAME, hash};
 
-/// A file is no image that can be sent. The message says what and why.
+/// Reason why a file is not an image that can be sent.
 #[derive(Debug, thiserror::Error)]
 pub enum FileError {
     /// No ELF file.
     #[error("this is not a 32-bit ELF file ({0})")]
     NotElf(String),
-    /// No bytes where an image lies.
+    /// No bytes in the place of an image.
     #[error("it has no image at {:#010x}, behind a loader: it is older than updates over the line", FLASH + Layout::BEAD.active.start)]
     NoImage,
     /// More bytes than there is room for.
@@ -44,7 +44,7 @@ pub struct UpdateFile {
 }
 
 impl UpdateFile {
-    /// Reads an ELF file. Whether a bead takes the signature is for the bead to say.
+    /// Reads an ELF file. The bead itself checks the signature.
     ///
     /// # Errors
     /// See [`FileError`].
@@ -67,7 +67,7 @@ fn signature_of(file: &[u8]) -> Option<&[u8; MANIFEST]> {
     file.last_chunk().filter(|last| last.starts_with(NAME))
 }
 
-/// Signs an ELF file: gives it with its manifest at the end, in the place of one that was there.
+/// Signs an ELF file. Returns it with its manifest at the end, in place of an earlier one.
 ///
 /// # Errors
 /// See [`FileError`].

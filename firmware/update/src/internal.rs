@@ -1,9 +1,9 @@
 //! The part's own flash (RM0090 section 3).
 //!
 //! # Design
-//! An erase is made by words, which takes half the time of one by bytes; it needs 2.7 V, as programming words
-//! does. The core cannot fetch an instruction meanwhile and stands still. Blank words are not programmed, and
-//! every other one is read back.
+//! Sectors are erased by words, which takes half the time of erasing by bytes; it needs 2.7 V, as programming
+//! words does. Meanwhile the core cannot fetch an instruction and stalls. Blank words are not programmed, and
+//! every other word is read back.
 
 use core::ptr;
 
@@ -123,7 +123,7 @@ fn check(offset: u32, length: usize) -> Result<(), FlashError> {
     end.filter(|end| *end <= SIZE).map(drop).ok_or(FlashError)
 }
 
-/// Erases a sector. What a cache holds of it is old then, so the caches are off meanwhile and emptied
+/// Erases a sector. Cached contents of it would be stale, so the caches are off meanwhile and emptied
 /// (section 3.5.2).
 fn erase(sector: u8) -> Result<(), FlashError> {
     let before = FLASH.acr().read();
@@ -157,7 +157,7 @@ fn opened(act: impl FnOnce() -> Result<(), FlashError>) -> Result<(), FlashError
             FLASH.keyr().write_value(key);
         }
     }
-    // Flags of an operation before are cleared by ones.
+    // Writing ones clears the flags of an earlier operation.
     FLASH.sr().write_value(Sr(0xF3));
     let done = act();
     FLASH.cr().write(|w| w.set_lock(true));

@@ -1,4 +1,4 @@
-//! Where images lie in flash.
+//! Places of the images in flash.
 
 use core::ops::Range;
 

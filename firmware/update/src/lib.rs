@@ -8,8 +8,8 @@
 //!
 //! | file | is |
 //! |---|---|
-//! | [`layout`] | where images lie |
-//! | [`manifest`] | what an image says of itself, and its signature |
+//! | [`layout`] | places of the images in flash |
+//! | [`manifest`] | statement about an image, and its signature |
 //! | [`reception`] | an image that comes in pieces |
 //! | [`swap`] | the state, the swap and the way back, by `embassy-boot` |
 //! | `internal` | the driver of the part's flash; only for the part |

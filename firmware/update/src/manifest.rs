@@ -7,9 +7,8 @@
 //! ```
 //!
 //! The signature (RFC 8032) is over all bytes before it. As the hash of the image is among them, it covers
-//! the image too. So a bead can refuse an image before anything is erased, and refuse what is not that image
-//! before it is tried. The block stands at the end of the image's ELF file, as the signature of a Linux
-//! module does.
+//! the image too. So a bead can refuse an image before anything is erased, and refuse any other bytes before
+//! they are tried. The block is at the end of the image's ELF file, like the signature of a Linux module.
 
 use core::str;
 
@@ -24,14 +23,14 @@ pub const TEXT: usize = 24;
 /// Bytes of a hash.
 pub const HASH: usize = 64;
 const SIGNATURE: usize = 64;
-/// First bytes. Another layout has another number.
+/// First bytes. A different layout has a different number.
 pub const NAME: &[u8; 12] = b"bead-image-1";
 
-/// The key that everybody has: it is in the repository, so what it signs is signed by nobody. An owner who
-/// lets nobody else update a bead builds the image with a public key of their own (`BEAD_UPDATE_KEY`).
+/// The development key. It is in the repository, so its signature proves nothing. An owner who wants nobody
+/// else to update a bead builds the image with a public key of their own (`BEAD_UPDATE_KEY`).
 pub const DEVELOPMENT_SEED: [u8; 32] = *b"development key: no protection. ";
 
-/// Its public part.
+/// Public part of the development key.
 pub const DEVELOPMENT_KEY: [u8; 32] = [
     0xad, 0x34, 0x3d, 0x0e, 0xd0, 0x8c, 0x1d, 0xba, 0x74, 0xed, 0x13, 0xbd, 0xbb, 0xa1, 0xf4, 0xf4, 0x41,
     0xf6, 0x8b, 0x44, 0xe2, 0x63, 0xd3, 0x6e, 0x5b, 0x0e, 0x7c, 0x08, 0x82, 0xda, 0x53, 0xea,
@@ -50,17 +49,17 @@ pub struct Manifest<'a> {
     pub hash: [u8; HASH],
 }
 
-/// Why a manifest is none.
+/// Reason why bytes are not a valid manifest.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ManifestError {
-    /// It does not begin or end as one.
+    /// The bytes do not begin or end like a manifest.
     Form,
     /// It is not signed with the key.
     Unsigned,
 }
 
 impl<'a> Manifest<'a> {
-    /// The manifest with its signature, by the key that grows from this seed; `None` for a name or a version
+    /// The manifest with its signature, by the key derived from this seed; `None` for a name or a version
     /// that is too long.
     pub fn signed(&self, seed: &[u8; 32]) -> Option<[u8; MANIFEST]> {
         let mut bytes = [0; MANIFEST];
@@ -82,7 +81,7 @@ impl<'a> Manifest<'a> {
         Some(bytes)
     }
 
-    /// Reads a manifest, without a look at its signature.
+    /// Reads a manifest without checking its signature.
     ///
     /// # Errors
     /// [`ManifestError::Form`].
@@ -108,7 +107,7 @@ impl<'a> Manifest<'a> {
     ///
     /// # Errors
     /// See [`ManifestError`].
-    // Some KB of stack, which its caller need not hold.
+    // Never inlined: it takes some KB of stack, which its caller need not hold.
     #[inline(never)]
     pub fn verified(bytes: &'a [u8], key: &[u8; 32]) -> Result<Self, ManifestError> {
         let manifest = Self::read(bytes)?;
@@ -121,7 +120,7 @@ impl<'a> Manifest<'a> {
     }
 }
 
-/// Text that zeros follow.
+/// Text padded with zeros.
 fn text(bytes: &[u8]) -> Result<&str, ManifestError> {
     let length = bytes.iter().position(|byte| *byte == 0).unwrap_or(bytes.len());
     let (text, zeros) = bytes.split_at(length);
@@ -133,7 +132,7 @@ fn text(bytes: &[u8]) -> Result<&str, ManifestError> {
     }
 }
 
-/// The public part of the key that grows from this seed.
+/// The public part of the key derived from this seed.
 pub fn public_key(seed: &[u8; 32]) -> [u8; 32] {
     Keypair::from(seed).public.to_bytes()
 }

@@ -1,4 +1,4 @@
-//! An image that comes in pieces.
+//! Reception of an image in pieces.
 
 use embedded_storage::nor_flash::NorFlash;
 use salty::Sha512;
@@ -6,7 +6,7 @@ use salty::Sha512;
 use crate::manifest::{HASH, Manifest, ManifestError, numbers};
 use crate::swap::Images;
 
-/// Why an image, or a piece of it, is not taken.
+/// Reason for refusing an image, or a piece of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Refusal {
     /// The bytes are no manifest.
@@ -23,7 +23,7 @@ pub enum Refusal {
     NotBegun,
     /// The piece lies beyond the end that was announced, or is no whole number of words.
     Place,
-    /// Other bytes stand there already.
+    /// Other bytes are already there.
     Differs,
     /// The bytes are not the image that the manifest announced.
     NotThatImage,
@@ -48,7 +48,7 @@ impl Expected<'_> {
     /// Judges an image by its manifest. Nothing is changed.
     ///
     /// # Errors
-    /// Why it is not taken. An older one is if `older` says so.
+    /// The reason for refusing it. With `older`, an older image is accepted.
     pub fn judge<'m>(&self, manifest: &'m [u8], older: bool) -> Result<Manifest<'m>, Refusal> {
         let manifest = Manifest::verified(manifest, self.key).map_err(|error| match error {
             ManifestError::Form => Refusal::NoManifest,
@@ -67,7 +67,7 @@ impl Expected<'_> {
     }
 }
 
-/// An image that was announced: it comes in pieces, in any order and more than once.
+/// An announced image. Its pieces may come in any order, and more than once.
 #[derive(Debug)]
 pub struct Reception {
     length: u32,
@@ -78,7 +78,7 @@ pub struct Reception {
 const WORD: usize = 4;
 
 impl Reception {
-    /// Makes room for the image of this manifest, which was judged. It erases.
+    /// Erases room for the image of this manifest, which was judged.
     ///
     /// # Errors
     /// The flash fails.
@@ -98,7 +98,7 @@ impl Reception {
     /// Takes a piece. The last one may end within a word.
     ///
     /// # Errors
-    /// Why it is not taken.
+    /// The reason for refusing the piece.
     pub fn take<F: NorFlash>(&self, images: &Images<F>, offset: u32, piece: &[u8]) -> Result<(), Refusal> {
         let end = offset.checked_add(piece.len() as u32);
         let end = end.filter(|end| *end <= self.length).ok_or(Refusal::Place)?;
@@ -128,10 +128,10 @@ impl Reception {
         Ok(there == word)
     }
 
-    /// Compares what has come with the hash that was signed, and lets the next start try it. It erases.
+    /// Compares the received image with the signed hash, and lets the next start try it. It erases.
     ///
     /// # Errors
-    /// Why not.
+    /// The reason for refusing the image.
     pub fn finish<F: NorFlash>(&self, images: &Images<F>) -> Result<(), Refusal> {
         let mut sha = Sha512::new();
         let mut bytes = [0; 256];

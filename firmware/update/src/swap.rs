@@ -1,8 +1,8 @@
 //! The swap of two images, and the state that it leaves: `embassy-boot`, over flash that may lose power.
 //!
 //! # Design
-//! The loader swaps page by page, and notes each page that is done. Whenever the power goes, the next start
-//! goes on where this one ended. The image that came in is on trial then: unless it is
+//! The loader swaps page by page, and notes each page that is done. Whenever the power fails, the next start
+//! continues where this one ended. The image that came in is then on trial: unless it is
 //! [confirmed](Images::confirm), the next start swaps back.
 //!
 //! `embassy-boot` expects a word of the state to be either written or not, as in flash that checks each one.
@@ -23,10 +23,10 @@ use crate::partition::Partition;
 
 /// Bytes of a word of the state.
 pub const WIDE: usize = 32;
-/// The state of a bead that has never been updated, for a debug probe. With the image it has to put this into
-/// flash too: what an update before has left there would else undo it.
+/// The state of a bead that has never been updated. A debug probe has to write it together with an image: a
+/// state left by an earlier update would undo the image.
 pub const SETTLED: [u8; WIDE] = [BOOT_MAGIC; WIDE];
-/// As `embassy-boot` marks it.
+/// The mark of `embassy-boot`.
 const BOOT_MAGIC: u8 = 0xd0;
 
 /// Bytes that are copied at a time.
@@ -36,7 +36,7 @@ const COPIED: usize = 1024;
 /// before it starts the active image. `PAGE` is the size of the active image's sectors.
 ///
 /// # Errors
-/// The flash fails, for one as the power does. The next call goes on.
+/// The flash fails, for instance with the power. The next call continues.
 pub fn prepare<F: NorFlash, const PAGE: usize>(flash: F, layout: &Layout) -> Result<(), BootError> {
     let flash = RefCell::new(flash);
     let config = BootLoaderConfig {
@@ -54,12 +54,12 @@ pub fn is_pending<F: NorFlash>(flash: &mut F, layout: &Layout) -> bool {
     flash.read(layout.state.start, &mut word).is_ok() && State::from(&word[..]) == State::Swap
 }
 
-/// How the active image came there.
+/// Origin of the active image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Running {
     /// The image that a probe brought, or one that was confirmed.
     Settled,
-    /// An image on trial: the next start takes it back, unless it is confirmed.
+    /// An image on trial: the next start swaps it back, unless it is confirmed.
     Trial,
     /// The image before: the one on trial was not confirmed.
     CameBack,
@@ -85,11 +85,11 @@ impl<F: NorFlash> Images<F> {
         self.layout.capacity()
     }
 
-    /// Which image runs.
+    /// Origin of the image that runs.
     pub fn running(&self) -> Running {
         match self.with_state(|state| state.get_state()) {
             Ok(State::Swap) => Running::Trial,
-            // A power cut in `confirm` leaves this too. Then what was to come in is what runs.
+            // A power cut in `confirm` leaves this state too, but then the new image runs.
             Ok(State::Revert) if !self.first_pages_are_equal() => Running::CameBack,
             _ => Running::Settled,
         }
@@ -118,14 +118,14 @@ impl<F: NorFlash> Images<F> {
             .read(self.layout.spare.start + offset, bytes)
     }
 
-    /// Writes words of it.
+    /// Writes words of the spare image.
     pub(crate) fn write(&self, offset: u32, bytes: &[u8]) -> Result<(), F::Error> {
         self.flash
             .borrow_mut()
             .write(self.layout.spare.start + offset, bytes)
     }
 
-    /// Erases room for this many bytes of it.
+    /// Erases room for this many bytes of the spare image.
     pub(crate) fn erase<const PAGE: usize>(&self, length: u32) -> Result<(), F::Error> {
         let start = self.layout.spare.start;
         let end = start + length.next_multiple_of(PAGE as u32);

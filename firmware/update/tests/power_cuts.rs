@@ -1,4 +1,5 @@
-//! Power cuts in an update: whatever is cut, the old or the new image runs, whole, and the next update comes.
+//! Power cuts in an update: wherever the power is cut, a whole image runs, old or new, and the next update
+//! succeeds.
 
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
@@ -8,17 +9,17 @@ use bead_update::manifest::{HASH, Manifest, hash};
 use bead_update::reception::Reception;
 use bead_update::swap::{Images, Running, prepare};
 
-/// A bead whose flash has pages of `PAGE` bytes, and its images. An operation gives `None` if the power is
+/// A bead whose flash has pages of `PAGE` bytes, and its images. An operation returns `None` if the power is
 /// cut in it.
 struct Bench<const PAGE: usize> {
     /// One page for the state, two for the image that runs, three for the other. Pages before and behind
     /// belong to others: a write there panics.
     layout: Layout,
-    /// It fills both pages.
+    /// The old image, which fills both pages.
     old: Vec<u8>,
-    /// It ends within a word of the second.
+    /// The new image, which ends within a word of the second page.
     new: Vec<u8>,
-    /// Hash of the new one.
+    /// Hash of the new image.
     hash: [u8; HASH],
 }
 
@@ -53,7 +54,7 @@ impl<const PAGE: usize> Bench<PAGE> {
         flash
     }
 
-    /// True if the new image lies where the loader starts one; `None` for a mixture.
+    /// True if the new image is where the loader starts one; `None` for a mixture.
     fn runs_new(&self, flash: &PowerCutFlash<PAGE>) -> Option<bool> {
         let active = &flash.bytes[self.layout.active.start as usize..];
         let images = [(false, &self.old), (true, &self.new)];
@@ -107,8 +108,8 @@ impl<const PAGE: usize> Bench<PAGE> {
         assert!(self.update(&mut flash, good).is_none(), "operation {at}");
         flash.power_left = None;
         let after_cut = flash.clone();
-        // A cut may fall between an image on trial and its word that it is good: then the old one comes back.
-        // Images may change, but each start is of a whole one.
+        // A cut may fall between the start of an image on trial and its confirmation: then the old one comes
+        // back. Images may change, but each start is of a whole one.
         for _ in 0..4 {
             assert!(self.start(&mut flash, good).is_some());
         }
@@ -121,7 +122,7 @@ impl<const PAGE: usize> Bench<PAGE> {
     }
 }
 
-/// Operations that `act` takes of a flash.
+/// Number of operations on the flash that `act` takes.
 fn operations<const PAGE: usize>(
     mut flash: PowerCutFlash<PAGE>,
     act: impl FnOnce(&mut PowerCutFlash<PAGE>) -> Option<()>,

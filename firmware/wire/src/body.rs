@@ -195,7 +195,7 @@ impl<T: Body> Field for Option<T> {
     }
 }
 
-/// Declares the struct of a body. Further traits to derive stand behind its name.
+/// Declares the struct of a body. Further traits to derive follow its name.
 macro_rules! body {
     (
         $(#[doc = $about:literal])*

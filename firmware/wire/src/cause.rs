@@ -1,4 +1,4 @@
-//! Why bytes are refused.
+//! Causes for refusing bytes.
 
 use serde::Serialize;
 
@@ -8,13 +8,13 @@ use crate::version::reader;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{bytes} bytes rejected: {cause}")]
 pub struct Reject {
-    /// Why they are no frame.
+    /// Cause of the reject.
     pub cause: Cause,
     /// Number of bytes, as received.
     pub bytes: u64,
 }
 
-/// Why bytes are no frame, in the order in which it is checked.
+/// Cause for which bytes are no frame, in the order of the checks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, thiserror::Error)]
 pub enum Cause {
     /// More bytes than any frame has.
@@ -65,7 +65,7 @@ pub struct Rejected {
 }
 
 impl Rejected {
-    /// These and others.
+    /// The sums of these counts and of others.
     pub(crate) fn and(&self, other: &Self) -> Self {
         Self {
             too_long: self.too_long + other.too_long,
@@ -106,7 +106,7 @@ mod tests {
     #[test]
     fn rejects_are_counted_by_cause_and_in_all_and_those_of_two_lines_are_added() {
         use Cause::{Body, Cobs, Crc, Kind, TooLong, TooShort, Trailing, Version};
-        // Powers of two, so that no sum can be another one.
+        // Powers of two, so that no two sums are equal.
         let each = |times: u64| Rejected {
             too_long: times,
             cobs: 2 * times,

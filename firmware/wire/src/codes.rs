@@ -25,7 +25,7 @@ pub const MAX_SCANS: usize = 32;
 #[derive(Clone, Default, PartialEq, Eq)]
 pub struct Codes<const BYTES: usize>(Vec<u8, BYTES>);
 
-/// Why scans could not be packed or unpacked.
+/// Error of packing or unpacking scans.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum CodeError {
     /// A code needs more than 12 bits.

@@ -1,8 +1,8 @@
 //! Frames from a stream in which any byte may be missing or wrong.
 //!
 //! # Design
-//! [`Deframer`] finds what is between two delimiters. Here it is checked: it is a frame or a reject, and is
-//! counted once.
+//! [`Deframer`] finds the bytes between two delimiters. [`Decoder`] checks them: they are a frame or a
+//! reject, and are counted once.
 
 use serde::Serialize;
 
@@ -13,7 +13,7 @@ use crate::sequence::{Arrival, SequenceRun};
 
 /// Counts of frames received, refused and missing.
 ///
-/// A frame damaged on the way is in `rejected` *and* in `lost`. Its number cannot be believed, so the two
+/// A frame damaged on the way is in `rejected` *and* in `lost`. Its number cannot be trusted, so the two
 /// counts cannot be joined. A frame that is refused although its CRC is right is in `rejected` only.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Counters {
@@ -43,7 +43,7 @@ impl Counters {
         self.first_sequence == Some(0)
     }
 
-    /// The counts of this line and of another one together.
+    /// The sums of the counts of this line and of another.
     #[must_use]
     pub fn and(&self, other: &Self) -> Self {
         Self {
@@ -59,7 +59,7 @@ impl Counters {
     }
 }
 
-/// Takes bytes in any pieces, gives frames and rejects.
+/// Takes bytes in any pieces and returns frames and rejects.
 #[derive(Clone, Debug)]
 pub struct Decoder {
     deframer: Deframer<MAX_ENCODED>,
@@ -104,7 +104,7 @@ impl Decoder {
         }
     }
 
-    /// Takes one byte. A delimiter may give a frame or a reject.
+    /// Takes one byte. A delimiter may complete a frame or a reject.
     pub fn push(&mut self, byte: u8) -> Option<Result<Frame, Reject>> {
         self.counters.bytes += 1;
         let between = self.deframer.push(byte)?;

@@ -1,4 +1,4 @@
-//! Finds what is between two delimiters, in a stream in which any byte may be missing or wrong.
+//! Finds the bytes between two delimiters, in a stream in which any byte may be missing or wrong.
 //!
 //! # Design
 //! A byte 0x00 is always a delimiter and never anything else. So after any damage the decoder is in step
@@ -7,7 +7,7 @@
 use crate::cause::Cause;
 use crate::payload::DELIMITER;
 
-/// Takes bytes one at a time, gives payloads.
+/// Takes bytes one at a time and returns payloads.
 #[derive(Clone, Debug)]
 pub(crate) struct Deframer<const N: usize> {
     encoded: [u8; N],
@@ -36,7 +36,7 @@ impl<const N: usize> Deframer<N> {
         self.pending
     }
 
-    /// Takes one byte. A delimiter may give what was before it.
+    /// Takes one byte. A delimiter returns the bytes before it, if there are any.
     pub(crate) fn push(&mut self, byte: u8) -> Option<Between<'_>> {
         if byte != DELIMITER {
             if let Some(slot) = usize::try_from(self.pending)

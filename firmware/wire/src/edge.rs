@@ -1,4 +1,4 @@
-//! From the count that a 32-bit timer latched to a position on the sample clock.
+//! Converts the count that a 32-bit timer latched to a position on the sample clock.
 
 use crate::message::sync::Sync;
 

@@ -12,7 +12,7 @@
 //!
 //! **The header is frozen**, and so are the bodies of [`Identity`](crate::Identity) and
 //! [`Reply`](crate::Reply). A later version may change all other bodies, and may append fields to these two.
-//! A host can therefore always say which bead it hears and why it cannot read the rest, and a bead can always
+//! A host can therefore always say which bead sends and why it cannot read the rest, and a bead can always
 //! say that it does not understand its host.
 
 use crate::body::Body;
@@ -37,7 +37,8 @@ pub struct Header {
     /// Address of the bead, from its settings. It tells beads apart on a shared line and in merged streams. 0
     /// unless the owner chose one.
     pub address: u8,
-    /// Low byte of the number of resets since power-up. Another one begins another run of sequence numbers.
+    /// Low byte of the number of resets since power-up. A different byte begins a new run of sequence
+    /// numbers.
     pub boot: u8,
     /// Number of the frame since the reset, from 0. Frames that were made but not sent count too. It wraps
     /// after 2³².
@@ -89,10 +90,10 @@ impl Default for Packed {
 impl Packed {
     /// Bytes before the body.
     pub const HEADER: usize = HEADER;
-    /// Longest one, in bytes.
+    /// Longest packed frame, in bytes.
     pub const MAX: usize = MAX_PAYLOAD - CRC_LENGTH;
 
-    /// Room for one, with nothing in it.
+    /// An empty frame.
     pub const fn new() -> Self {
         Self {
             payload: [0; MAX_PAYLOAD],
@@ -152,7 +153,7 @@ impl Packed {
         self.payload[7..HEADER - 1].copy_from_slice(&sample_index.to_le_bytes());
     }
 
-    /// Kind and body: what another frame can carry.
+    /// Kind and body, as another frame can carry them.
     pub fn content(&self) -> (u8, &[u8]) {
         (self.payload[1], &self.payload[Self::HEADER..self.length])
     }
@@ -224,7 +225,7 @@ impl<'a> Checked<'a> {
     }
 }
 
-/// Reads the message of a kind. Only a body of a later version may go on after it.
+/// Reads the message of a kind. Bytes may follow only in a body of a later version.
 fn read(kind: u8, body: &[u8], later: bool) -> Result<Message, Cause> {
     let kind = Kind::from_byte(kind).ok_or(Cause::Kind(kind))?;
     match Message::decode(kind, body) {
@@ -252,10 +253,10 @@ fn read_grown(kind: Kind, body: &[u8]) -> Result<Message, Cause> {
 }
 
 impl Fetched {
-    /// The message that it carries.
+    /// The message that the frame carries.
     ///
     /// # Errors
-    /// It is of no kind that this version knows, or its body does not decode.
+    /// The kind is unknown to this version, or the body does not decode.
     pub fn message(&self) -> Result<Message, Cause> {
         read(self.frame_kind, self.body.bytes(), false)
     }

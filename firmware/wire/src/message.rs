@@ -1,12 +1,13 @@
 //! The bead's messages to its host: the table of all of them.
 //!
 //! # Design
-//! A row makes a kind: its number, its name, which is the name of its file too, and its body. Parsing,
-//! encoding, the longest frame and the tables of `docs/protocol.md` follow from the table.
+//! A row defines a kind: its number, its name (also that of its file), and its body. Parsing, encoding, the
+//! longest frame and the tables of `docs/protocol.md` follow from the table.
 //!
-//! **A body never changes.** Postcard writes neither names nor lengths of fields, so another field is another
-//! layout. It gets a new number and a file of its own. A host that does not know a number says so and goes
-//! on. Fields that may be absent can follow at the end: a body without them is read as if they were absent.
+//! **A body never changes.** Postcard writes neither names nor lengths of fields, so an added field changes
+//! the layout. The new layout gets a new number and a file of its own. A host that does not know a number
+//! says so and continues. Fields that may be absent can follow at the end: a body without them is read as if
+//! they were absent.
 //!
 //! Kinds below 64 are the bead's. Kinds from 64 up are the host's: see [`Request`](crate::Request).
 

@@ -5,8 +5,8 @@
 //! four bytes before it and is filled up to whole words, so that it is copied word by word. A window of
 //! quiet scans takes half the room of a loud one.
 //!
-//! **Some room is kept.** [`push`](Queue::push) leaves a number of bytes free that its caller names. What
-//! comes in bulk leaves room for what a host waits for.
+//! **Some room is kept.** [`push`](Queue::push) leaves a number of bytes free that its caller names. Bulk
+//! frames leave room for those that a host waits for.
 
 use crate::codes::MAX_SCANS;
 use crate::frame::Packed;
@@ -59,7 +59,7 @@ impl<const N: usize> Queue<N> {
         N - self.used
     }
 
-    /// Puts a frame behind the others if at least `keep` bytes stay free. Returns whether it did.
+    /// Appends a frame if at least `keep` bytes stay free. Returns true if the frame was appended.
     pub fn push(&mut self, frame: &Packed, keep: usize) -> bool {
         let bytes = frame.bytes();
         let needed = taken(bytes.len());

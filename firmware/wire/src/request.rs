@@ -9,7 +9,7 @@
 //! chooses a number, and the bead's [`Reply`](crate::Reply) has the same one. This header is frozen too, so a
 //! bead can answer a request of any later version with [`Outcome::Version`](crate::Outcome::Version).
 //!
-//! Every request may be repeated: a host that hears no reply asks again, with the same number.
+//! Every request may be repeated: a host that receives no reply asks again, with the same number.
 
 use serde::Serialize;
 
@@ -168,7 +168,7 @@ pub fn encode_request<'b>(
     seal(&mut payload, HEADER + length, buffer)
 }
 
-/// A frame of a host whose CRC is right, so that somebody waits for a reply.
+/// A frame of a host whose CRC is right. Its sender waits for a reply.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ReceivedRequest {
     /// Address of the bead that is asked, or [`ANY`].
@@ -190,7 +190,7 @@ pub struct RequestCounters {
     pub rejected: Rejected,
 }
 
-/// Takes bytes one at a time, gives requests. It keeps at most one request, allocates nothing and cannot
+/// Takes bytes one at a time and returns requests. It keeps at most one request, allocates nothing and cannot
 /// panic.
 #[derive(Clone, Debug)]
 pub struct RequestDecoder {
@@ -223,8 +223,8 @@ impl RequestDecoder {
         core::mem::take(&mut self.counters)
     }
 
-    /// Takes one byte. A delimiter may give a frame, or the cause why the bytes before it are none. Nobody
-    /// waits for a reply to bytes that are no frame.
+    /// Takes one byte. A delimiter may return a frame, or the cause for which the bytes before it are none.
+    /// Nobody waits for a reply to bytes that are no frame.
     pub fn push(&mut self, byte: u8) -> Option<Result<ReceivedRequest, Cause>> {
         self.counters.bytes += 1;
         let heard = self.deframer.push(byte)?.payload.and_then(read);

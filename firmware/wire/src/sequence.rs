@@ -18,7 +18,7 @@
 
 use serde::Serialize;
 
-/// A frame may arrive late by at most this number of frames.
+/// Greatest number of frames by which a frame may be late.
 pub const REORDER: u32 = 64;
 
 /// Place of a frame among the earlier ones.

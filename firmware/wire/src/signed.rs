@@ -28,15 +28,15 @@ use crate::text::Inner;
 pub const KEY: usize = 16;
 /// Bytes of a device id.
 const UID: usize = 12;
-/// A counter may be ahead of the last one by this many. Somebody who forges frames of the bead could else
-/// make an honest host spend all counters with one request.
+/// Greatest step of the counter. Without this limit, somebody who forges frames of the bead could make an
+/// honest host spend all counters with one request.
 pub const AHEAD: u64 = 1 << 16;
 
 /// A secret that a bead and its owner share.
 #[derive(Clone, PartialEq, Eq)]
 pub struct Key([u8; KEY]);
 
-/// Without its bytes: they belong into no log.
+/// Omits the bytes: they belong in no log.
 impl fmt::Debug for Key {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("Key")
@@ -83,15 +83,15 @@ impl Key {
         ])
     }
 
-    /// A new key as it travels under this one, and back: no listener without this one learns it. Each counter
-    /// gives another mask. What is hashed for it is shorter than for any request.
+    /// Masks a new key with this one, or unmasks it: a listener without this key does not learn the new one.
+    /// Each counter has a different mask. Fewer bytes are hashed for it than for any request.
     fn masked(&self, uid: &[u8; UID], counter: u64, new: [u8; KEY]) -> [u8; KEY] {
         let mask = self.code(&[uid, &counter.to_le_bytes()]);
         core::array::from_fn(|n| new[n] ^ mask[n])
     }
 }
 
-/// For what a signed request holds.
+/// Limits within which a signed request holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Ticket {
     /// Higher than that of every request before, and by [`AHEAD`] at most.
@@ -103,8 +103,8 @@ pub struct Ticket {
 }
 
 impl Request {
-    /// Returns `true` if the request changes the state of the bead. A bead with a key does it only if it is
-    /// signed.
+    /// Returns `true` if the request changes the state of the bead. A bead with a key accepts such a request
+    /// only if it is signed.
     pub const fn changes_state(&self) -> bool {
         !matches!(
             self,
@@ -177,15 +177,15 @@ impl Lock {
         self.counter
     }
 
-    /// Takes another key, or none.
+    /// Replaces the key, or removes it.
     pub fn set(&mut self, key: Option<Key>) {
         self.key = key;
     }
 
-    /// Judges a request: gives the one that is to be done.
+    /// Judges a request. Returns the one that is to be done.
     ///
     /// # Errors
-    /// Why it is refused.
+    /// The reason for refusing it.
     pub fn admit(
         &mut self,
         address: u8,
@@ -231,7 +231,7 @@ impl Lock {
     }
 }
 
-/// Compares two codes in constant time, so that the time does not tell where they differ.
+/// Compares two codes in constant time, so that the time does not reveal where they differ.
 fn same(a: &[u8; KEY], b: &[u8; KEY]) -> bool {
     a.iter().zip(b).fold(0, |differs, (a, b)| differs | (a ^ b)) == 0
 }
@@ -302,7 +302,8 @@ mod tests {
             };
             assert_eq!(admitted(&mut lock(), &request), unsigned);
             assert_eq!(admitted(open, &request), done);
-            // Signed too, where nothing changes: a host finds out whether its key is the bead's.
+            // A request that changes nothing may be signed too: a host finds out whether its key is the
+            // bead's.
             assert_eq!(admitted(&mut lock(), &signed(&request)), done);
             assert_eq!(admitted(open, &signed(&request)), Err(Outcome::NoKey));
         }
@@ -332,7 +333,7 @@ mod tests {
                 forged(&changed, ANY, 5);
             }
             if bit / 8 >= length - KEY {
-                // Two differences in the code do not make up for each other.
+                // Two differences in the code do not cancel each other.
                 let other = length - KEY + (bit / 8 + 5) % KEY;
                 changed[other] ^= 1 << (bit % 8);
                 forged(

@@ -2,17 +2,17 @@
 //!
 //! # Design
 //! The crate `cobs` decodes here, and encodes in the tests. Its encoder takes each byte through a state
-//! machine. This one copies the payload as a whole, and for each byte the search for the next zero is all
-//! that is left.
+//! machine. The one here copies the payload as a whole; only the search for the next zero is left for each
+//! byte.
 
 /// Most bytes of a piece. Its code byte is then 0xFF, and stands for no zero behind it.
 const PIECE: usize = 254;
 
-/// Writes the COBS form of `bytes`, without delimiters, to the head of `out`, and gives its length. `None` if
-/// there is no room: [`cobs::max_encoding_length`] bytes are always enough.
+/// Writes the COBS form of `bytes`, without delimiters, to the head of `out`, and returns its length. `None`
+/// if there is no room: [`cobs::max_encoding_length`] bytes are always enough.
 pub(crate) fn encode(bytes: &[u8], out: &mut [u8]) -> Option<usize> {
-    // One byte further on all lie where they have to: the code byte of the next piece takes the place of a
-    // zero.
+    // One byte further on, all bytes are already in place: the code byte of the next piece takes the place of
+    // a zero.
     out.get_mut(1..=bytes.len())?.copy_from_slice(bytes);
     let (mut code, mut rest) = (0, bytes);
     loop {
@@ -26,7 +26,7 @@ pub(crate) fn encode(bytes: &[u8], out: &mut [u8]) -> Option<usize> {
         match zero {
             Some(_) => rest = &rest[1..],
             None if rest.is_empty() => return Some(code),
-            // No zero makes room for the next code byte.
+            // Without a zero, the rest moves to make room for the next code byte.
             None => out.get_mut(code + 1..=code + rest.len())?.copy_from_slice(rest),
         }
     }
@@ -42,7 +42,7 @@ mod tests {
     /// Longest payload that is drawn: three pieces; under Miri, which is slow, little more than one.
     const LONGEST: usize = if cfg!(miri) { PIECE + 8 } else { 3 * PIECE };
 
-    /// Of bytes with few zeros and with many, around the length of a piece and of two.
+    /// Payloads with few zeros and with many, around the length of a piece and of two.
     fn payloads() -> impl Strategy<Value = Vec<u8>> {
         let byte = prop_oneof![400 => 1..=255_u8, 1 => Just(0)];
         let long = prop::collection::vec(byte, 0..=LONGEST);
@@ -57,7 +57,8 @@ mod tests {
             short in 1..400_usize,
         ) {
             let mut expected = vec![0; cobs::max_encoding_length(payload.len()) + 1];
-            // This version of the crate writes nothing for nothing; the standard asks for the one code byte.
+            // This version of the crate writes nothing for an empty payload; the standard asks for one code
+            // byte.
             expected[0] = 1;
             let length = cobs::encode(&payload, &mut expected).max(1);
             let mut encoded = vec![0; length];

@@ -87,7 +87,7 @@ macro_rules! messages {
         )*
 
         impl Message {
-            /// The kind that stands in the frame of this message.
+            /// The kind in the frame of this message.
             pub const fn kind(&self) -> Kind {
                 match self {
                     $(Self::$body(_) => Kind::$body,)*
@@ -102,7 +102,7 @@ macro_rules! messages {
                 }
             }
 
-            /// Writes the body to the head of `buffer`; gives its length in bytes.
+            /// Writes the body to the head of `buffer`; returns its length in bytes.
             pub(crate) fn encode(&self, buffer: &mut [u8]) -> postcard::Result<usize> {
                 Ok(match self {
                     $(Self::$body(body) => postcard::to_slice(body, buffer)?,)*
@@ -179,7 +179,7 @@ macro_rules! requests {
                 }
             }
 
-            /// Writes the body to the head of `buffer`; gives its length in bytes.
+            /// Writes the body to the head of `buffer`; returns its length in bytes.
             pub(crate) fn encode(&self, buffer: &mut [u8]) -> postcard::Result<usize> {
                 match self {
                     $(Self::$variant $({ $($field,)* })? => {

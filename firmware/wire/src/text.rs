@@ -65,7 +65,7 @@ impl<const N: usize> Field for Text<N> {
     }
 }
 
-/// BoundedBytes of at most `N`, stored in place.
+/// At most `N` bytes, stored in place.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct BoundedBytes<const N: usize>(Vec<u8, N>);
 
@@ -81,12 +81,12 @@ pub const MAX_PIECE: usize = 440;
 /// Bytes of an image.
 pub type Piece = BoundedBytes<MAX_PIECE>;
 
-/// Longest body of a frame that another one carries, in bytes: that of a settings block.
+/// Longest body of a frame carried by another frame, in bytes: that of a settings block.
 const MAX_INNER: usize = counted(MAX_BLOCK);
-/// The body of a frame that another one carries.
+/// The body of a frame carried by another frame.
 pub type Inner = BoundedBytes<MAX_INNER>;
 
-/// A block has this many bytes, which is more than fits a frame.
+/// The length of a block that does not fit a frame, in bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("a settings block of {0} bytes; a frame takes at most {MAX_BLOCK}")]
 pub struct BlockTooLong(pub usize);
@@ -97,7 +97,7 @@ impl<const N: usize> BoundedBytes<N> {
         &self.0
     }
 
-    /// Builds it by `write`, which fills a buffer of `N` bytes and returns the length.
+    /// Builds the bytes with `write`, which fills a buffer of `N` bytes and returns the length.
     pub fn filled_by(write: impl FnOnce(&mut [u8]) -> usize) -> Self {
         let mut bytes = Vec::new();
         // This cannot fail: there is room for as many.

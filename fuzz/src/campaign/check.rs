@@ -17,7 +17,7 @@ use super::Script;
 
 /// The bead that is struck.
 const BEAD: usize = 8;
-/// From when the striker touches the chain to the trigger, s.
+/// Time from the striker's touch of the chain to the trigger, s.
 const ARRIVES: std::ops::Range<f64> = 1.3e-3..1.6e-3;
 /// A supply that is off by more than this part flags strikes, up to this long after, s.
 const OFF: f64 = 2.5e-3;
@@ -40,7 +40,7 @@ impl CampaignBench {
     /// Simulates the strike and finds the image.
     ///
     /// # Errors
-    /// There is no image, in a line that says how to build it.
+    /// There is no image; the line says how to build it.
     pub fn new() -> Result<Self, String> {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/scenarios/paper-strike.toml");
         let (scenario, _) = load_scenario(&path).map_err(|error| error.to_string())?;
@@ -54,10 +54,10 @@ impl CampaignBench {
     }
 }
 
-/// Runs a script. Gives how many strikes were measured.
+/// Runs a script. Returns the number of strikes measured.
 ///
 /// # Errors
-/// The first thing that does not hold, in a line.
+/// The first invariant that does not hold, in a line.
 pub fn check(bench: &CampaignBench, script: &Script) -> Result<usize, String> {
     let checked = catch_unwind(AssertUnwindSafe(|| check_unguarded(bench, script)));
     checked.unwrap_or_else(|_| Err("a panic, told above".to_owned()))
@@ -148,7 +148,7 @@ fn places(rows: &[[u16; 4]], strike: &RecordedStrike) -> Vec<usize> {
         .collect()
 }
 
-/// Returns `true` if a fault changes what a strike that begins at `start` feels like.
+/// Returns `true` if a fault affects the signals of a strike that begins at `start`.
 fn touches(fault: &Planned, start: f64) -> bool {
     let ends = fault.at + fault.duration.unwrap_or(f64::INFINITY);
     match fault.kind {

@@ -1,10 +1,10 @@
-//! The image under faults that chance draws: each script is run in QEMU, and held against what must hold
-//! whatever fails.
+//! The image under faults drawn at random: each script runs in QEMU and is checked against the invariants
+//! that hold whatever fails.
 //!
 //! # Design
-//! A [`Script`] is a file of faults with the strikes that come meanwhile. One number draws it, so a campaign
-//! can be repeated. [`check`] runs it. A script that fails is made [smaller](shrunk) as long as it fails, and
-//! is written to a file that may join those in `fuzz/scripts`, which the tests replay.
+//! A [`Script`] is a file of faults with the strikes that come meanwhile. It is drawn from one number, so a
+//! campaign can be repeated. [`check`] runs it. A script that fails is made [smaller](shrunk) while it still
+//! fails, and is written to a file that may join those in `fuzz/scripts`, which the tests replay.
 
 mod check;
 mod script;

@@ -14,7 +14,7 @@ pub struct Script {
     pub faults: Vec<Planned>,
     /// Number of strikes.
     pub strikes: u32,
-    /// From strike to strike, s.
+    /// Interval of the strikes, s.
     pub interval: f64,
     /// Seed of the noise.
     pub seed: u64,
@@ -28,7 +28,7 @@ const MOST: u32 = 6;
 const SPAN: f64 = 0.5;
 
 impl Script {
-    /// The script of a number. A `short` one has nothing that takes seconds: no hang, and no port that is
+    /// Draws the script of a seed. A `short` one has nothing that takes seconds: no hang, and no port that is
     /// given up.
     pub fn draw(seed: u64, short: bool) -> Self {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
@@ -84,7 +84,7 @@ impl Script {
         }
     }
 
-    /// When the strikes come.
+    /// Times of the strikes.
     pub fn timing(&self) -> Timing {
         Timing {
             lead_in: LEAD_IN,
@@ -96,7 +96,7 @@ impl Script {
     /// Reads a script that [`Script::text`] has written.
     ///
     /// # Errors
-    /// It is not one, in a line.
+    /// The text is not a script; the reason is one line.
     pub fn read(text: &str, name: &str) -> Result<Self, String> {
         let word = |option: &str| {
             let after = text.lines().next()?.split_once(option)?.1;
@@ -118,7 +118,7 @@ impl Script {
         })
     }
 
-    /// As a file for `bead emulate --faults`, whose first line says how to run it.
+    /// Returns a file for `bead emulate --faults`, whose first line says how to run it.
     pub fn text(&self) -> String {
         let Self {
             strikes,

@@ -1,4 +1,4 @@
-//! The bead's own fixed-point arithmetic on samples of one's own.
+//! The bead's own fixed-point arithmetic on a user's samples.
 
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};

@@ -28,7 +28,7 @@ pub(crate) fn on_threads<T: Send>(run: impl FnOnce() -> T + Send) -> T {
     }
     match pool(process) {
         Some(pool) => pool.install(run),
-        // Without a thread to spare there is the calling one.
+        // Without a thread to spare, the calling one does the work.
         None => run(),
     }
 }
@@ -37,7 +37,7 @@ fn pool(process: u32) -> Option<Arc<ThreadPool>> {
     let mut kept = POOL.lock().unwrap_or_else(PoisonError::into_inner);
     if kept.as_ref().is_none_or(|(of, _)| *of != process) {
         let made = Arc::new(ThreadPoolBuilder::new().build().ok()?);
-        // A pool of the parent's has threads that are not here to end.
+        // Never drops the parent's pool: its threads are not here to end.
         std::mem::forget(kept.replace((process, made)));
     }
     kept.as_ref().map(|(_, pool)| Arc::clone(pool))

@@ -22,7 +22,7 @@ type ValueAt = fn(&Snapshot<'_>, usize) -> f64;
 /// A quantity over time, for each of a number of bodies, contacts or intruders.
 struct Observable {
     name: &'static str,
-    /// Values at a time; `None` for one alone, which has no second axis.
+    /// Values at a time; `None` for a single one, which has no second axis.
     width: Option<usize>,
     /// Its value for one of them, counted from 0.
     of: ValueAt,

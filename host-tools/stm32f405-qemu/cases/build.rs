@@ -1,7 +1,7 @@
-//! Hands the linker its scripts. It runs in the workspace's root and takes the `memory.x` there.
+//! Passes the linker its scripts. It runs in the workspace's root and uses the `memory.x` there.
 
 fn main() {
-    // The macros of embedded-test ask for it.
+    // The macros of embedded-test require it.
     println!("cargo::rustc-check-cfg=cfg(rust_analyzer)");
     println!("cargo::rerun-if-changed=../../../memory.x");
     if std::env::var("TARGET").is_ok_and(|target| target.starts_with("thumb")) {

@@ -1,4 +1,4 @@
-//! Makes `src/machine/registers.txt` anew from the crate `stm32f4`, whose source is generated from ST's
+//! Regenerates `src/machine/registers.txt` from the crate `stm32f4`, whose source is generated from ST's
 //! description of the STM32F405 with the corrections of the project stm32-rs:
 //!
 //! ```sh
@@ -91,7 +91,7 @@ fn table(folder: &Path) -> Result<String, String> {
     Ok(text)
 }
 
-/// The name of a function, and what follows its bracket.
+/// The name of a function, and the text after its bracket.
 fn function(line: &str) -> Option<(&str, &str)> {
     line.strip_prefix("pub const fn ")?.split_once('(')
 }
@@ -203,7 +203,7 @@ fn register(folder: &Path, module: &str, offset: u32, name: &str) -> Result<Regi
     })
 }
 
-/// The common start of two names, without what is left of a `_`.
+/// The common prefix of two names, without a trailing `_`.
 fn common(a: &str, b: &str) -> String {
     let same = a.chars().zip(b.chars()).take_while(|(a, b)| a == b);
     let name: String = same.map(|(a, _)| a).collect();

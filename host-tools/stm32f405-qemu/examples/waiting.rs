@@ -1,5 +1,5 @@
-//! How fast an image waits, for each of the ways of `images/src/bin/waits.rs`: virtual over real time, with
-//! QEMU alone and with loops that wait executed outside of it.
+//! Speed of an image that waits, for each of the ways of `images/src/bin/waits.rs`: virtual over real time,
+//! with QEMU only, and with waiting loops executed outside of it.
 //!
 //!     cargo xtask bench emulator
 

@@ -1,5 +1,5 @@
-//! Hands the linker its scripts. It runs in the workspace's root and takes the `memory.x` there, in which a
-//! program that starts at a reset has another flash than the bead.
+//! Passes the linker its scripts. It runs in the workspace's root and uses the `memory.x` there, in which a
+//! program that starts at a reset has a different flash range than the bead.
 
 fn main() {
     println!("cargo::rerun-if-changed=../../../memory.x");

@@ -1,8 +1,8 @@
-//! The parts that a run can be of: their memory, their peripherals and their pins.
+//! The parts on which an image can run: their memory, their peripherals and their pins.
 //!
 //! The table `chips.txt` is not hand-written. It comes from the crate `stm32-metapac`, whose metadata come
-//! from ST's own database. `tests/all/tables.rs` makes it and holds it against that crate. Device numbers and
-//! limits of clocks are in no such database, and stand here.
+//! from ST's own database. `tests/all/tables.rs` makes it and checks it against that crate. Device numbers
+//! and limits of clocks are not in that database, and are defined here.
 
 use std::fmt;
 use std::ops::Range;
@@ -15,10 +15,10 @@ use crate::memory::{self, FLASH};
 
 const TEXT: &str = include_str!("chips.txt");
 
-/// Core-coupled memory, where a part has it, and all SRAM begin here.
+/// First address of core-coupled memory and of SRAM on all parts.
 const CCM_START: u32 = 0x1000_0000;
 const SRAM_START: u32 = 0x2000_0000;
-/// The ports of the table's masks of pins.
+/// The ports of the table's pin masks, in order.
 const PORTS: &str = "ABCDEFGHIJK";
 
 #[derive(Debug)]
@@ -28,7 +28,7 @@ struct Row {
     sram: Range<u32>,
     ccm: Range<u32>,
     peripherals: Vec<&'static str>,
-    /// A bit for each pin, for each port.
+    /// A mask of pins for each port.
     pins: Vec<u16>,
 }
 
@@ -92,7 +92,7 @@ static TABLE: LazyLock<Table> = LazyLock::new(|| {
     }
 });
 
-/// An alternate function of a pin that parts of this line have, and the STM32F405 has not.
+/// An alternate function of a pin that parts of this line have and the STM32F405 lacks.
 pub(crate) struct NewFunction {
     line: &'static str,
     pub(crate) pin: &'static str,
@@ -101,22 +101,22 @@ pub(crate) struct NewFunction {
     pub(crate) signal: &'static str,
 }
 
-/// A request to a DMA stream and channel that parts of this line have, and the STM32F405 has not.
+/// A request to a DMA stream and channel that parts of this line have and the STM32F405 lacks.
 pub(crate) struct NewRequest {
     line: &'static str,
-    /// DMA1 is 0.
+    /// 0 for DMA1.
     pub(crate) dma: usize,
     pub(crate) stream: usize,
     pub(crate) channel: u32,
     pub(crate) name: &'static str,
 }
 
-/// Those of all parts.
+/// New requests of all parts.
 pub(crate) fn new_requests() -> &'static [NewRequest] {
     &TABLE.requests
 }
 
-/// Those of all parts. Where another part has something else there, no model has that signal.
+/// New functions of all parts. A function that means something else on another part belongs to no model.
 pub(crate) fn new_functions() -> &'static [NewFunction] {
     &TABLE.functions
 }
@@ -136,12 +136,12 @@ pub(crate) fn new_functions() -> &'static [NewFunction] {
 #[serde(try_from = "String", into = "String")]
 pub struct Chip(&'static Row);
 
-/// There is no part of this name here.
+/// Error for an unknown part name.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("there is no chip {0:?}; give one of {list}", list = names())]
 pub struct UnknownChip(String);
 
-/// All names, with the part that they share said once: `STM32F405 RG VG, ...`.
+/// All names, with their common prefix given once: `STM32F405 RG VG, ...`.
 fn names() -> String {
     let (mut text, mut line) = (String::new(), "");
     for row in &TABLE.rows {
@@ -159,7 +159,7 @@ fn names() -> String {
 impl FromStr for Chip {
     type Err = UnknownChip;
 
-    /// Letters for package and temperature may follow, as in `STM32F405RGT6` and `STM32F405RGTx`.
+    /// Letters for package and temperature may follow the name, as in `STM32F405RGT6` and `STM32F405RGTx`.
     fn from_str(name: &str) -> Result<Self, UnknownChip> {
         let upper = name.to_ascii_uppercase();
         let fits = |row: &&Row| upper.strip_prefix(row.name).is_some_and(|rest| rest.len() <= 4);
@@ -224,39 +224,39 @@ impl ClockLimits {
 }
 
 impl Default for ClockLimits {
-    /// Those of the STM32F405.
+    /// The limits of the STM32F405.
     fn default() -> Self {
         Self::mhz(168, 42, 84)
     }
 }
 
 impl Chip {
-    /// All parts, in the order of their names.
+    /// All parts, sorted by name.
     pub fn all() -> impl Iterator<Item = Self> {
         TABLE.rows.iter().map(Self)
     }
 
-    /// Size of its flash, KiB.
+    /// Size of the flash, KiB.
     pub fn flash_kib(self) -> u32 {
         self.0.flash_kib
     }
 
-    /// Its flash.
+    /// Addresses of the flash.
     pub fn flash(self) -> Range<u32> {
         FLASH.start..FLASH.start + 1024 * self.0.flash_kib
     }
 
-    /// Addresses of flash here. What lies beyond a smaller flash reads as erased.
+    /// Addresses of the emulated flash. Those beyond a smaller flash read as erased.
     pub(crate) fn flash_space(self) -> Range<u32> {
         FLASH.start..FLASH.end.max(self.flash().end)
     }
 
-    /// Its SRAM, which the DMA reaches.
+    /// Addresses of the SRAM, which the DMA reaches.
     pub fn sram(self) -> Range<u32> {
         self.0.sram.clone()
     }
 
-    /// Its core-coupled memory, which the DMA does not reach. Empty where there is none.
+    /// Addresses of the core-coupled memory, which the DMA does not reach. Empty if the part has none.
     pub fn ccm(self) -> Range<u32> {
         self.0.ccm.clone()
     }
@@ -274,12 +274,12 @@ impl Chip {
         }
     }
 
-    /// Returns `true` if it has a peripheral of this name, for example `SPI4`.
+    /// Returns `true` if the part has a peripheral of this name, for example `SPI4`.
     pub fn has(self, peripheral: &str) -> bool {
         self.0.peripherals.contains(&peripheral)
     }
 
-    /// Returns `true` if its package has a pin of this name, for example `PC13`.
+    /// Returns `true` if the package has a pin of this name, for example `PC13`.
     pub fn has_pin(self, name: &str) -> bool {
         let Some((port, number)) = name.strip_prefix('P').and_then(|rest| rest.split_at_checked(1)) else {
             return false;
@@ -290,25 +290,25 @@ impl Chip {
             .is_some_and(|(mask, number)| mask >> number & 1 == 1)
     }
 
-    /// Names of its peripherals.
+    /// Names of the part's peripherals.
     pub fn peripherals(self) -> &'static [&'static str] {
         &self.0.peripherals
     }
 
-    /// Returns `true` if a new request is one of its own.
+    /// Returns `true` if the part has a new request.
     pub(crate) fn has_request(self, new: &NewRequest) -> bool {
         let place = |request: &NewRequest| (request.dma, request.stream, request.channel);
         let mut own = TABLE.requests.iter().filter(|own| own.line == self.line());
         own.any(|own| place(own) == place(new))
     }
 
-    /// Returns `true` if a new function is one of its own.
+    /// Returns `true` if the part has a new function.
     pub(crate) fn has_function(self, pin: &str, function: &str) -> bool {
         let functions = &mut TABLE.functions.iter();
         functions.any(|new| (new.line, new.pin, new.function) == (self.line(), pin, function))
     }
 
-    /// Its peripheral around an address, with its first address.
+    /// The part's peripheral at an address: its first address and name.
     pub(crate) fn peripheral_at(self, address: u32) -> Option<(u32, &'static str)> {
         places_at(address).find(|(_, name)| self.has(name))
     }
@@ -318,7 +318,7 @@ impl Chip {
         places_at(address).next().is_some() && self.peripheral_at(address).is_none()
     }
 
-    /// Returns `true` if these bytes lie in its SRAM or CCM.
+    /// Returns `true` if these bytes are in the part's SRAM or CCM.
     pub(crate) fn is_ram(self, address: u32, bytes: usize) -> bool {
         memory::within(&self.0.sram, address, bytes) || memory::within(&self.0.ccm, address, bytes)
     }
@@ -327,7 +327,7 @@ impl Chip {
         self.0.sram.contains(&address)
     }
 
-    /// It has the overdrive of the regulator, for more than 168 MHz.
+    /// Returns `true` if the part has the regulator's overdrive, for more than 168 MHz.
     pub(crate) fn has_overdrive(self) -> bool {
         matches!(self.line(), "F427" | "F429" | "F446")
     }
@@ -351,8 +351,8 @@ impl Chip {
         }
     }
 
-    /// ADC1's channel of the temperature sensor. 18 is that of the battery too, which goes first (RM0090
-    /// section 13.10, RM0390 section 13.10; embassy-stm32 and stm32f4xx-hal for F401 and F411).
+    /// ADC1's channel of the temperature sensor. Channel 18 is also the battery's, which takes precedence
+    /// (RM0090 section 13.10, RM0390 section 13.10; embassy-stm32 and stm32f4xx-hal for F401 and F411).
     pub(crate) fn temperature_channel(self) -> u32 {
         match self.line() {
             "F427" | "F429" | "F446" => 18,
@@ -360,8 +360,8 @@ impl Chip {
         }
     }
 
-    /// Part of the battery voltage that ADC1 measures (RM0090 section 13.11; of F401 and F411 that of the
-    /// F405).
+    /// Divider of the battery voltage that ADC1 measures (RM0090 section 13.11; F401 and F411 are taken as
+    /// the F405).
     pub(crate) fn battery_divider(self) -> u32 {
         if self.temperature_channel() == 18 { 4 } else { 2 }
     }
@@ -371,14 +371,14 @@ impl Chip {
     }
 }
 
-/// The peripherals of any part around an address. A page has one or, for parts that differ, two.
+/// The peripherals at an address, of any part. A page has one, or two if parts differ.
 fn places_at(address: u32) -> impl Iterator<Item = (u32, &'static str)> {
     let before = TABLE
         .places
         .iter()
         .take_while(move |(start, _)| *start <= address);
     let start = before.last().map(|(start, _)| *start);
-    // The converters are four in a page; all others have at least one for themselves.
+    // Four converter blocks share a page; all others have at least a page each.
     let start = start.filter(|start| address - start < 0x400);
     let all = TABLE.places.iter();
     all.filter(move |place| Some(place.0) == start).copied()

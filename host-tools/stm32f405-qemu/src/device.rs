@@ -2,9 +2,9 @@
 //!
 //! # Design
 //!
-//! A device lives in the host's process and the part in QEMU's. At the end of each byte the overlay asks the
-//! host over a socket in the run's folder, and the image stands still until the answer is there. So a device
-//! sees virtual times, and the same run gives the same bytes.
+//! A device is in the host's process and the part in QEMU's. At the end of each byte the overlay queries the
+//! host over a socket in the run's folder, and the image stands still until the answer arrives. So a device
+//! sees virtual times, and equal runs give equal bytes.
 
 use std::fmt;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -64,8 +64,8 @@ pub trait Device: Send {
         u16::MAX
     }
 
-    /// Levels that the device puts on pins of the part from now on: a line that says that data is ready.
-    /// Asked for after every other call. A level in the past is one for now.
+    /// Levels that the device puts on pins of the part from now on, for example of a line that signals that
+    /// data is ready. Called after every other call. A level in the past takes effect now.
     fn levels(&mut self) -> Vec<Level> {
         Vec::new()
     }
@@ -74,9 +74,9 @@ pub trait Device: Send {
 /// A frame from an SPI master.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SpiFrame {
-    /// Its bits: the first on the line is the highest.
+    /// The frame's bits: the first on the line is the highest.
     pub word: u16,
-    /// 8 or 16.
+    /// Number of bits: 8 or 16.
     pub bits: u32,
     /// CPOL and CPHA: mode 0 to 3.
     pub mode: u8,
@@ -112,7 +112,7 @@ impl fmt::Debug for DeviceHandle {
 }
 
 impl Devices {
-    /// Puts a device at an I2C bus (`I2C1` to `I2C3`), with its address of 7 bits. Gives a handle on it.
+    /// Puts a device at an I2C bus (`I2C1` to `I2C3`), with its address of 7 bits. Returns a handle on it.
     pub fn on_i2c<D: Device + 'static>(
         &mut self,
         bus: impl Into<String>,
@@ -123,8 +123,8 @@ impl Devices {
         self.connect(DevicePlace::I2c { bus, address }, device)
     }
 
-    /// Puts a device at an SPI bus (`SPI1` to `SPI3`), with the pin of the part that selects it when it is
-    /// low, for example `PA4`. Gives a handle on it.
+    /// Puts a device at an SPI bus (`SPI1` to `SPI3`), with the pin of the part that selects it when low, for
+    /// example `PA4`. Returns a handle on it.
     pub fn on_spi<D: Device + 'static>(
         &mut self,
         bus: impl Into<String>,
@@ -152,7 +152,7 @@ impl Devices {
         self.0.iter().map(|connected| &connected.place)
     }
 
-    /// Asks a device. One that is not there answers as an empty bus does.
+    /// Queries a device. A missing one answers as an empty bus does.
     pub fn answer(&self, call: BusCall) -> BusAnswer {
         let device = self.0.get(call.device).and_then(|found| found.device.as_ref());
         let Some(DeviceHandle(device)) = device else {
@@ -184,24 +184,24 @@ impl Devices {
 /// An event at a device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum BusEvent {
-    /// Its address comes.
+    /// The master sends the device's address.
     Start {
-        /// The bytes go to the master.
+        /// True if the bytes go to the master.
         read: bool,
     },
-    /// A byte comes.
+    /// The master sends a byte.
     Write(u8),
-    /// A byte is wanted.
+    /// The master reads a byte.
     Read,
-    /// STOP comes.
+    /// The master sends STOP.
     Stop,
-    /// Its select pin falls or rises.
+    /// The device's select pin falls or rises.
     Select(bool),
-    /// A frame comes.
+    /// The master sends a frame.
     Exchange(SpiFrame),
 }
 
-/// A question of the machine to a device.
+/// A query from the machine to a device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct BusCall {
     /// Its number in [`Devices`].
@@ -217,6 +217,6 @@ pub struct BusCall {
 pub struct BusAnswer {
     /// The byte or frame, or 1 for an acknowledge.
     pub value: u16,
-    /// Levels that it puts on pins.
+    /// Levels that the device puts on pins.
     pub levels: Vec<Level>,
 }

@@ -8,10 +8,10 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum RunEnd {
-    /// The stimulus and its tail were over, or the time for an image that does not sample.
+    /// The time was over: of the stimulus and its tail, or for an image that does not sample.
     #[default]
     Over,
-    /// The image executed BKPT outside a panic. Test firmware ends so.
+    /// The image executed BKPT outside a panic, as test firmware does at its end.
     Breakpoint(CodeAddress),
     /// The image ended itself by semihosting, with this status.
     Exited(i32),
@@ -19,16 +19,16 @@ pub enum RunEnd {
     Panicked,
     /// The processor does not leave the handler of a fault, and nothing resets it.
     Faulted,
-    /// The processor locked up: a fault in the handler of a fault, or nothing at the reset vector. The
-    /// program counter there, if QEMU said it.
+    /// The processor locked up: a fault in the handler of a fault, or no valid reset vector. The program
+    /// counter there, if QEMU printed it.
     LockedUp(Option<CodeAddress>),
-    /// The image is in an endless loop here, and no interrupt is to come.
+    /// The image is in an endless loop here, and no interrupt can come.
     Hung(CodeAddress),
     /// The image does nothing but read this register, which no model knows.
     Stuck(String),
-    /// The host stopped it: its time was over.
+    /// The host stopped the run at its time limit.
     Stopped,
-    /// QEMU ended by itself, by a signal or by the debugger: its exit status, and what it said.
+    /// QEMU ended by itself, by a signal or by the debugger: its exit status, and its message.
     QemuEnded(String),
 }
 
@@ -63,8 +63,8 @@ pub struct Exception {
     pub at_ns: u64,
     /// Its number, 3 to 6 (ARMv7-M ARM, B1.5.2).
     pub number: u8,
-    /// Where it came, from the frame on the stack. `None` if there is no frame: the stack itself failed, or
-    /// it is the process stack, which the emulator does not see.
+    /// Program counter in the frame on the stack. `None` if there is no frame: the stack itself failed, or it
+    /// is the process stack, which the emulator does not read.
     pub pc: Option<CodeAddress>,
     /// The link register in that frame.
     pub lr: Option<CodeAddress>,
@@ -72,15 +72,15 @@ pub struct Exception {
     pub cfsr: u32,
     /// HFSR.
     pub hfsr: u32,
-    /// The data address of the fault, where CFSR says that there is one.
+    /// The data address of the fault, if CFSR marks it as valid.
     pub address: Option<u32>,
-    /// Name of the register at that address, if it lies in the peripheral region.
+    /// Name of the register at that address, if it is in the peripheral region.
     pub register: Option<String>,
     /// The number of the BKPT that the processor executed, without a debugger.
     pub breakpoint: Option<u8>,
 }
 
-/// Bits of CFSR and what they say.
+/// Bits of CFSR and their meaning.
 const CAUSES: [(u32, &str); 16] = [
     (0, "the MPU forbids to execute there"),
     (1, "the MPU forbids the access"),

@@ -12,8 +12,8 @@
 //! standard input ([`TimeStep`], with [`STEP`] before it). A message is two lengths, a JSON text and bytes:
 //! see [`write_message`].
 //!
-//! Both sides are this crate, built twice. By [`FORMAT`] in the description the plugin sees whether both are
-//! of the same build: an older shared object is refused, not misread.
+//! Both sides are this crate, built twice. By [`FORMAT`] in the description the plugin detects whether both
+//! are of the same build: an older shared object is refused, not misread.
 
 use std::borrow::Cow;
 use std::io::{self, Read, Write};
@@ -49,11 +49,11 @@ pub(crate) const DEVICES: &str = "devices";
 /// Contents of the flash that can be written at the end of the run.
 pub(crate) const FLASH: &str = "flash.bin";
 
-/// Removes a run's directory while other threads, or the other side, may still write to it: a file that comes
-/// between keeps it in its place, so it is tried again for a second.
+/// Removes a run's directory while other threads, or the other side, may still write to it. A file that is
+/// created meanwhile prevents the removal, so this retries for a second.
 pub(crate) fn remove(folder: &Path) {
     let started = Instant::now();
-    // Files that cannot be removed lie in a folder for temporary files.
+    // Files that cannot be removed are left in the folder for temporary files.
     while std::fs::remove_dir_all(folder).is_err_and(|error| error.kind() == io::ErrorKind::DirectoryNotEmpty)
         && started.elapsed() < Duration::from_secs(1)
     {
@@ -90,7 +90,7 @@ pub(crate) struct RunDescription<'a> {
     pub(crate) work: Vec<usize>,
     /// True if the host advances virtual time step by step.
     pub(crate) live: bool,
-    /// Path of the file of executed addresses, without its end.
+    /// Path of the file of executed addresses, without its extension.
     pub(crate) coverage: Option<PathBuf>,
 }
 
@@ -99,7 +99,7 @@ pub(crate) const REPORT: u8 = b'r';
 /// On standard input of QEMU: a [`TimeStep`] follows.
 pub(crate) const STEP: u8 = b's';
 
-/// The next step of virtual time, and the inputs that arrive in it. The bytes beside it are rows of the
+/// The next step of virtual time, and the inputs that arrive in it. The bytes that follow it are rows of the
 /// stimulus, as in [`STIMULUS`].
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub(crate) struct TimeStep {
@@ -108,7 +108,7 @@ pub(crate) struct TimeStep {
     pub(crate) inputs: Inputs,
 }
 
-/// A stop, and what came out since the one before. The bytes beside it are the records of each USART, as in
+/// A stop, and the output since the one before. The bytes that follow it are the records of each USART, as in
 /// [`sent`], and then those of the log.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub(crate) struct Reached {
@@ -116,10 +116,10 @@ pub(crate) struct Reached {
     /// True once the run has ended.
     pub(crate) ended: bool,
     pub(crate) sampling: Option<Sampling>,
-    /// When the last row of the stimulus ends, if the first has begun.
+    /// End of the last row of the stimulus, if the first row has begun.
     pub(crate) codes_until_ns: Option<u64>,
     pub(crate) work: StretchWork,
-    /// Bytes of records of each USART.
+    /// Lengths of the records of each USART.
     pub(crate) sent: Vec<usize>,
 }
 
@@ -148,13 +148,13 @@ pub(crate) fn read_message<T: DeserializeOwned>(from: &mut impl Read) -> io::Res
     Ok((serde_json::from_slice(&text)?, bytes))
 }
 
-/// The rows in bytes: four little-endian u16 each.
+/// Decodes rows: four little-endian u16 each.
 pub(crate) fn rows(bytes: &[u8]) -> Vec<[u16; 4]> {
     let row = |row: &[[u8; 2]; 4]| row.map(u16::from_le_bytes);
     bytes.as_chunks().0.as_chunks().0.iter().map(row).collect()
 }
 
-/// The bytes of rows.
+/// Encodes rows.
 pub(crate) fn bytes_of(rows: &[[u16; 4]]) -> Vec<u8> {
     rows.iter()
         .flatten()

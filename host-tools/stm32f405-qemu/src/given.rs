@@ -9,8 +9,8 @@ use crate::chip::Chip;
 use crate::device::Devices;
 use crate::level::Level;
 
-/// One run of an image: what it is given, and when it ends. Its serialised form is what QEMU's side needs of
-/// it, without the image, the stimulus, the blocks in flash and the programs.
+/// One run of an image: its inputs, and when it ends. Its serialised form is what QEMU's side needs, without
+/// the image, the stimulus, the blocks in flash and the programs.
 ///
 /// ```no_run
 /// use stm32f405_qemu::Run;
@@ -34,30 +34,30 @@ pub struct Run {
     pub stimulus: Vec<[u16; 4]>,
     /// Time from row to row, in ns.
     pub sample_period_ns: u64,
-    /// When row 0 begins: with the first externally triggered scan, or at power-up. Choose power-up for an
-    /// image that starts its scans by software.
+    /// Start of row 0: the first externally triggered scan, or power-up. Choose power-up for an image that
+    /// starts its scans by software.
     pub stimulus_since: Since,
-    /// Blocks in flash beside the image (settings, for example), each with its address. Where neither a block
-    /// nor the image has anything, flash is erased. [`Outcome::flash`](crate::Outcome::flash) is such a
-    /// block: with it a run goes on where another ended.
+    /// Blocks in flash beside the image (settings, for example), each with its address. Flash is erased
+    /// outside the image and the blocks. [`Outcome::flash`](crate::Outcome::flash) is such a block: with it a
+    /// run continues from the flash of another.
     #[serde(skip)]
     pub flash: Vec<(u32, Vec<u8>)>,
-    /// Which functions to count: a label and a part of a demangled path, for example `("observer",
+    /// Functions to count: a label and a part of a demangled path, for example `("observer",
     /// "bead_model::observer::")`. A label may be given more than once.
     pub functions: Vec<(String, String)>,
     /// The labels whose functions make a block a working one
     /// ([`Instructions::working`](crate::Instructions::working)).
     pub work: Vec<String>,
-    /// Counts instructions. This costs QEMU about half of its speed. Turn it off for long runs.
+    /// Counts instructions. This about halves QEMU's speed. Turn it off for long runs.
     pub count_instructions: bool,
     /// Estimates the cycles of the instructions that are counted ([`Cycles`](crate::Cycles)). The run takes
     /// three to five times as long.
     pub count_cycles: bool,
     /// Virtual time that the run continues after the last row, ns.
     pub tail_ns: u64,
-    /// When to give up, in ns of virtual time, if the first externally triggered scan has not come.
+    /// Virtual time at which the run gives up if the first externally triggered scan has not come, ns.
     pub sampling_deadline_ns: u64,
-    /// When to give up in real time.
+    /// Limit of real time.
     pub timeout: Duration,
     /// The QEMU to run. `None` for the one that `STM32F405_QEMU` names, else `qemu-system-arm` from `PATH`.
     #[serde(skip)]
@@ -69,8 +69,8 @@ pub struct Run {
     pub hse_hz: u32,
     /// The part: its memory, its peripherals and its pins.
     pub chip: Chip,
-    /// DEV_ID of another part (RM0090 section 38.6.1), for an image that looks at it. Nothing else changes
-    /// with it. `None` for that of [`chip`](Self::chip).
+    /// DEV_ID of another part (RM0090 section 38.6.1), for an image that reads it. Nothing else changes.
+    /// `None` for that of [`chip`](Self::chip).
     pub dev_id: Option<u16>,
     /// Frequency error of the crystal, ppm: less than 1000 either way, in steps of 1 Hz. The rows of the
     /// stimulus follow it. All other times here are true ones.
@@ -85,13 +85,13 @@ pub struct Run {
     /// Time that the DMA takes to fetch a byte received by USART1, ns. If the processor reads the data
     /// register meanwhile, the DMA never gets that byte.
     pub receive_dma_latency_ns: u64,
-    /// Ends the run early, with [`RunError::Stuck`](crate::RunError::Stuck), when the image does nothing but
-    /// read a register that no model knows: half a million times.
+    /// Ends the run early, with [`RunError::Stuck`](crate::RunError::Stuck), when the image only reads a
+    /// register that no model knows: half a million times.
     pub stop_when_stuck: bool,
-    /// Executes loops that wait for a register, a word of RAM or nothing outside of QEMU, and the turns that
-    /// are all the same at once. The outcome is the same without, but for [`Outcome::busy_with`] and
-    /// [`StretchWork::calls`](crate::StretchWork); the run takes longer. Has no effect with a debugger, while
-    /// cycles are counted or coverage is recorded.
+    /// Executes loops that wait for a register, a word of RAM or nothing outside of QEMU, and skips turns
+    /// that are all the same. The outcome is equal without this option, except for [`Outcome::busy_with`] and
+    /// [`StretchWork::calls`](crate::StretchWork), but the run takes longer. Has no effect with a debugger,
+    /// or while cycles are counted or coverage is recorded.
     ///
     /// [`Outcome::busy_with`]: crate::Outcome::busy_with
     pub shorten_waits: bool,
@@ -99,12 +99,12 @@ pub struct Run {
     /// [`Outcome::semihosting`](crate::Outcome::semihosting), and its exit ends the run. **It can then also
     /// read and write the host's files and run commands**: only for images that you trust.
     pub semihosting: bool,
-    /// The words that the image gets when it asks the host for its command line by semihosting.
+    /// The words that the image receives as its command line by semihosting.
     #[serde(skip)]
     pub semihosting_arguments: Vec<String>,
     /// Ends the run with [`RunEnd::Hung`](crate::RunEnd::Hung) when the image is in an endless loop that no
     /// interrupt, event or input of this run can end. In a [`Live`](crate::Live) run an input may still come.
-    /// An image that has edges on pins or received bytes interrupt it is taken to wait for them.
+    /// An image that enables interrupts by edges on pins or by received bytes is assumed to wait for them.
     pub stop_when_hung: bool,
     /// The 96-bit unique device identifier (RM0090 section 39.1).
     pub uid: [u8; 12],
@@ -122,22 +122,22 @@ pub struct Run {
     pub wires: Vec<(String, String)>,
     /// Devices at the I2C and SPI buses.
     pub devices: Devices,
-    /// Wires from the outputs of the DAC to analog inputs. An input whose output is off has what it has
-    /// without the wire.
+    /// Wires from the outputs of the DAC to analog inputs. While an output is off, its input reads as without
+    /// the wire.
     pub analog_wires: Vec<AnalogWire>,
-    /// Triggers that the DAC misses, by their number since its channel was enabled: the first is 0.
+    /// Triggers that the DAC misses, by their number since its channel was enabled, from 0.
     pub dac_misses: Vec<u64>,
     /// Seed of the random number generator's words.
     pub random_seed: u64,
-    /// Frequency of the oscillator behind the watchdog and the RTC's LSI, Hz. `None` for 32 kHz; silicon has
-    /// 17 to 47.
+    /// Frequency of the LSI oscillator, which clocks the watchdog and the RTC, Hz. `None` for 32 kHz; silicon
+    /// has 17 to 47.
     pub lsi_hz: Option<u32>,
     /// Writes over guest memory, to provoke faults.
     pub pokes: Vec<Poke>,
     /// Faults on demand.
     pub faults: Vec<Fault>,
-    /// A TCP port of this computer at which QEMU's stub waits for a debugger. The image stands before its
-    /// first instruction until the debugger lets it go on, and the run has no [`timeout`](Self::timeout).
+    /// A TCP port of this computer at which QEMU's stub waits for a debugger. The image stops before its
+    /// first instruction until the debugger continues it, and the run has no [`timeout`](Self::timeout).
     /// Virtual time stands still while the image does; a step over a breakpoint costs some of it.
     #[serde(skip)]
     pub gdb: Option<u16>,
@@ -203,7 +203,7 @@ pub enum Since {
 }
 
 impl Since {
-    /// The virtual time that is `ns` later. `None` while the first scan has not come.
+    /// Returns the virtual time `ns` after this origin. `None` before the first scan, if that is the origin.
     pub(crate) fn plus(self, ns: u64, first_scan_ns: Option<u64>) -> Option<u64> {
         match self {
             Self::FirstScan => first_scan_ns.map(|first| first.saturating_add(ns)),
@@ -211,7 +211,7 @@ impl Since {
         }
     }
 
-    /// Why something since then did not come, beside the end of the run.
+    /// Reason why an input with this origin did not arrive, besides the end of the run.
     pub(crate) fn missed(self, sampled: bool) -> &'static str {
         match self {
             Self::FirstScan if !sampled => ": there was no triggered scan to count from",
@@ -245,9 +245,9 @@ impl UartInput {
 /// Inputs to the image of a [`Live`](crate::Live) run while it runs.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Inputs {
-    /// Bytes for the receivers of the USARTs. Those for one port come in the order in which they are given.
+    /// Bytes for the receivers of the USARTs. Those for one port keep their order.
     pub uart: Vec<UartInput>,
-    /// Levels on pins. A pin that is not in [`Run::pin_inputs`] is undriven until its first one.
+    /// Levels on pins. A pin that is not in [`Run::pin_inputs`] is undriven until its first level.
     pub levels: Vec<Level>,
     /// Rows that follow those of the stimulus given so far, one a period.
     #[serde(skip)]
@@ -259,12 +259,12 @@ pub struct Inputs {
 pub struct AnalogInput {
     /// For example `PC0`.
     pub pin: String,
-    /// When the first code begins.
+    /// Origin of the time at which the first code begins.
     pub since: Since,
     /// Time from code to code, in ns.
     pub period_ns: u64,
-    /// Codes of 12 bits, 0..=4095. Before the first code's time it stands already, and the last one stays. A
-    /// conversion reads the code of the time at which it ends.
+    /// Codes of 12 bits, 0..=4095. The first one also applies before its time, and the last one stays. A
+    /// conversion reads the code at the time when it ends.
     pub codes: Vec<u16>,
 }
 
@@ -278,8 +278,8 @@ impl AnalogInput {
     }
 }
 
-/// A wire from an output of the DAC to an analog input. The two have the same supply, so the code of one is
-/// that of the other, but for resistors in the wire and what may be wrong with it.
+/// A wire from an output of the DAC to an analog input. Both have the same supply, so the code of the input
+/// is that of the output, except for resistors in the wire and its defects.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct AnalogWire {
@@ -287,9 +287,9 @@ pub struct AnalogWire {
     pub from: String,
     /// For example `PA0`.
     pub to: String,
-    /// Part of the voltage that comes through: 1, or that of a divider.
+    /// Fraction of the voltage that arrives: 1, or that of a divider.
     pub gain: f64,
-    /// Codes that are added.
+    /// Offset of the input, in codes.
     pub offset: f64,
     /// Deviation from a straight line at both ends, in codes: a parabola that is 0 in the middle.
     pub bend: f64,
@@ -297,14 +297,14 @@ pub struct AnalogWire {
     pub cross_talk: f64,
     /// Noise of the input, in codes rms.
     pub noise: f64,
-    /// Time by which the input is behind, ns: a period of what is played at most.
+    /// Delay of the input, ns: at most a period of the signal played.
     pub delay_ns: u64,
     /// Time constant of a capacitor at the input, ns.
     pub lag_ns: u64,
 }
 
 impl AnalogWire {
-    /// A wire with nothing in it and nothing wrong.
+    /// An ideal wire.
     pub fn new(from: impl Into<String>, to: impl Into<String>) -> Self {
         Self {
             from: from.into(),
@@ -320,14 +320,14 @@ impl AnalogWire {
     }
 }
 
-/// A level on a pin from outside. It is low at first, from power-up on.
+/// A level on a pin from outside. It is low from power-up until its first change.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PinInput {
     /// For example `PA15`.
     pub pin: String,
     /// Origin of `changes_ns`.
     pub since: Since,
-    /// When the level changes: up, down, up and so on. Virtual times in ns, in order.
+    /// Times at which the level changes: up, down, up and so on. Virtual times in ns, in order.
     pub changes_ns: Vec<u64>,
 }
 
@@ -343,11 +343,10 @@ impl PinInput {
     }
 }
 
-/// A fault on demand: bytes are written over guest memory, also over flash, without the processor's doing.
+/// A fault on demand: bytes are written over guest memory, including flash, without the processor's doing.
 ///
-/// A reset brings flash back as it was, so that the image can start again after its fault. What was written
-/// over RAM stays. What the firmware itself wrote to flash stays too; the bytes of a poke are not part of
-/// that.
+/// A reset restores flash, so that the image can start again after its fault. Bytes written over RAM stay.
+/// Data that the firmware itself wrote to flash stay too; the bytes of a poke are not part of them.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Poke {
     /// Virtual time of the write, in ns since power-up.
@@ -388,13 +387,13 @@ impl Fault {
         Self { since, at_ns, kind }
     }
 
-    /// A fault at a time after power-up. At 0 it stands before the first instruction.
+    /// A fault at a time after power-up. A fault at 0 is in place before the first instruction.
     pub fn after_power_up(at_ns: u64, kind: FaultKind) -> Self {
         let since = Since::PowerUp;
         Self { since, at_ns, kind }
     }
 
-    /// A supply that rises or falls evenly from power-up on: from one voltage to another, in mV, within
+    /// A supply that rises or falls linearly from power-up: from one voltage to another, in mV, within
     /// `for_ns`. In steps of 10 mV.
     pub fn supply_ramp(from_mv: u32, to_mv: u32, for_ns: u64) -> impl Iterator<Item = Self> {
         let steps = from_mv.abs_diff(to_mv).div_ceil(10).max(1);
@@ -414,24 +413,24 @@ impl Fault {
 /// The kind of failure.
 ///
 /// [`WildJump`](Self::WildJump) to [`RunawayStack`](Self::RunawayStack) make the processor crash. The vector
-/// of the DMA stream that serves the converter that samples is overwritten in flash, and the next interrupt
-/// of that stream does the rest. The reset brings flash back. Nothing happens if no stream serves it.
+/// of the DMA stream that serves the sampling converter is overwritten in flash, so that the next interrupt
+/// of that stream crashes. The reset restores flash. Nothing happens if no stream serves the converter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum FaultKind {
     /// The converter that samples loses a conversion, as it does when the DMA does not fetch in time. SR.OVR
     /// is set. DMA requests and triggers stop until it is cleared (RM0090 section 13.8.1).
     AdcOverrun,
-    /// The converter that samples starts a scan without a trigger: as soon as it waits for triggers, if it
-    /// does not yet. A trigger that comes before that scan is over does nothing.
+    /// The converter that samples starts a scan without a trigger, as soon as it waits for triggers. A
+    /// trigger that comes before that scan is over has no effect.
     ExtraScan,
     /// The converter that samples misses the next trigger that it waits for.
     MissedTrigger,
     /// The DMA stream that serves the converter that samples meets a bus error. TEIF is set and the stream
     /// stops (section 10.3.18). Nothing happens if no stream serves it.
     AdcDmaError,
-    /// USART1 ends no frame for some time. What is in its registers stays there, and the DMA waits. A USART
-    /// without flow control never does this by itself. A transmitter that CTS holds, or a DMA stream that is
-    /// stuck, looks like this.
+    /// USART1 completes no frame for some time. Its registers keep their contents, and the DMA waits. A USART
+    /// without flow control never does this by itself. A transmitter held by CTS, or a stuck DMA stream,
+    /// looks like this.
     TransmitterStalled {
         /// Duration, ns.
         for_ns: u64,
@@ -443,27 +442,27 @@ pub enum FaultKind {
     CrystalStops,
     /// A crystal that has stopped can start again.
     CrystalStarts,
-    /// The supply has this voltage from now on; before, it has 3300 mV. The programmable voltage
-    /// detector and the inner channels see it. The codes of the stimulus are found as they are given: whoever
-    /// gives them scales them. Below 1.8 V silicon would not run.
+    /// Sets the supply to this voltage; it begins with 3300 mV. The programmable voltage detector and the
+    /// inner channels see it. The codes of the stimulus are not scaled: the caller scales them. Below 1.8 V
+    /// silicon would not run.
     Supply {
         /// In mV.
         millivolts: u32,
     },
-    /// The vector leads out of memory: a hard fault.
+    /// The vector points outside memory: a hard fault.
     WildJump,
-    /// The vector becomes the one of WWDG (position 0). In an image that does not use the window watchdog,
-    /// this is the handler for interrupts that have no handler of their own.
+    /// The vector becomes that of WWDG (position 0). In an image that does not use the window watchdog, this
+    /// is the handler for interrupts that have no handler of their own.
     UnhandledInterrupt,
-    /// The vector leads to `b .` in the last bytes of flash: the processor never leaves the handler.
+    /// The vector points to `b .` in the last bytes of flash: the processor never leaves the handler.
     Hang,
-    /// The vector leads to an endless loop in the last bytes of flash, which pushes on the stack.
+    /// The vector points to an endless loop in the last bytes of flash, which pushes on the stack.
     RunawayStack,
     /// The power goes and comes back at once: a power-on reset. RAM loses what it held, the reset flags are
     /// as after power-up, and a flash operation under way is left half done. The stimulus goes on.
     PowerCut,
     /// A [`PowerCut`](Self::PowerCut) in the middle of a flash operation, which programs a word or erases a
-    /// sector. Each fault of this kind counts operations for itself. Resets do not end the count.
+    /// sector. Each fault of this kind counts operations separately. Resets do not end the count.
     PowerCutInFlash {
         /// Number of operations that begin before that one, counted from the time of the fault.
         after: u32,

@@ -2,11 +2,11 @@
 //!
 //! # Design
 //!
-//! Two things drive a [`Machine`] from outside: accesses of the processor ([`Machine::read`],
+//! Two things drive a [`Machine`] from outside: accesses by the processor ([`Machine::read`],
 //! [`Machine::write`], [`Machine::store`]), each with its time, and [`Machine::advance`] at the time that
-//! [`Machine::next_interrupt`] gave. Before either, everything that has happened since is played in order:
-//! triggers, conversions, transfers, bytes. So the outside is woken for interrupts only. For a DMA buffer
-//! this is at its half and its end, and never for a sample.
+//! [`Machine::next_interrupt`] returned. Each first plays everything that has happened since, in order:
+//! triggers, conversions, transfers, bytes. The outside is therefore woken for interrupts only: at the half
+//! and the end of a DMA buffer, and never for a sample.
 //!
 //! The trait [`Exterior`] is what the machine needs of the outside: memory, interrupt lines, and a place for
 //! bytes.
@@ -81,9 +81,9 @@ pub struct Machine {
     unknown: UnknownRegisters,
     polls: Polls,
     quiet: QuietTime,
-    /// The register without a model that the processor does nothing but read.
+    /// Address of the unmodelled register that the processor polls.
     stuck: Option<u32>,
-    /// The cause of a reset that was asked for and has not come yet.
+    /// Cause of a requested reset that has not happened yet.
     reset_wanted: Option<ResetCause>,
     resets: Vec<Reset>,
     /// Address of the image's vector table.
@@ -91,8 +91,8 @@ pub struct Machine {
 }
 
 impl Machine {
-    /// After power-up, with what a run gives to the part: its crystal, its identity, its inputs. Faults and
-    /// pokes come from outside, by [`Self::fail`] and the board.
+    /// Creates a machine as it is after power-up, with the crystal, identity and inputs of a run. Faults and
+    /// pokes come from outside, through [`Self::fail`] and the board.
     ///
     /// # Panics
     /// One of the pins or USARTs does not exist.
@@ -139,14 +139,14 @@ impl Machine {
         }
     }
 
-    /// The part that it is.
+    /// Part that is modelled.
     pub(crate) fn part(&self) -> crate::chip::Chip {
         self.chip.part
     }
 
     // The processor and time drive the machine.
 
-    /// The processor was reset after power-up. Resets every peripheral. What comes from outside goes on.
+    /// Resets every peripheral, after a reset of the processor. Inputs from outside continue.
     pub fn reset(&mut self, now: u64, board: &mut impl Exterior) {
         self.play(now, board);
         let cause = self.reset_wanted.take().unwrap_or(ResetCause::Software);
@@ -178,20 +178,20 @@ impl Machine {
         part(value, address, bytes)
     }
 
-    /// Returns `true` if nothing has happened up to `now` that is not played yet.
+    /// Returns `true` if all events up to `now` have been played.
     pub fn is_quiet(&mut self, now: u64) -> bool {
         now < self.next_event()
     }
 
-    /// When the next event comes that needs no access.
+    /// Time of the next event that needs no access, ns.
     fn next_event(&mut self) -> u64 {
         let (chip, levels) = (&self.chip, &self.levels);
         let next = || events::next(chip, levels).map_or(u64::MAX, |(at, _)| at);
         *self.quiet.until.get_or_insert_with(next)
     }
 
-    /// Does what [`Self::read`] does, for a register that changes by time and events only. `None`, without an
-    /// effect, for one that a read changes, or that no model knows.
+    /// Reads a register as [`Self::read`] does, if only time and events change it. `None`, without an
+    /// effect, if a read changes it or no model knows it.
     pub fn read_steady(
         &mut self,
         address: u32,
@@ -236,9 +236,9 @@ impl Machine {
         happened
     }
 
-    /// Does what [`Self::write`] does with a word, for a register of a DMA controller. `None`, without an
-    /// effect, for another register, or if the write would move data, leave a note or raise a line that
-    /// `may_rise` refuses.
+    /// Writes a word as [`Self::write`] does, to a register of a DMA controller. `None`, without an effect,
+    /// for another register, or if the write would move data, leave a note or raise a line that `may_rise`
+    /// refuses.
     pub fn write_steady(
         &mut self,
         address: u32,
@@ -279,7 +279,7 @@ impl Machine {
         self.quiet.kept = [None, None];
     }
 
-    /// Returns `true` if they are as they were at the last [`Self::keep_registers`].
+    /// Returns `true` if these registers have not changed since the last [`Self::keep_registers`].
     pub fn are_registers_as_kept(&self) -> bool {
         let pairs = self.quiet.kept.iter().zip(&self.chip.units.dma);
         pairs
@@ -309,8 +309,8 @@ impl Machine {
         self.settle(board);
     }
 
-    /// Returns `true` if a write to this word does nothing but move output pins that nothing listens to: BSRR
-    /// of a port, without wires, edges that EXTI watches, and devices with select pins.
+    /// Returns `true` if a write to this word only moves output pins that nothing listens to: the word is
+    /// BSRR of a port, and there are no wires, edges that EXTI watches, or devices with select pins.
     pub fn only_moves_pins(&self, address: u32) -> bool {
         if matches!(self.quiet.outputs, Some((port, _)) if port == address) {
             return true;
@@ -327,8 +327,8 @@ impl Machine {
             && row_at(address).is_some_and(is_clocked)
     }
 
-    /// Does what [`Self::write`] does, for a word that [`Self::only_moves_pins`]. Gives whether anything has
-    /// changed.
+    /// Writes a word that [`Self::only_moves_pins`] allows, as [`Self::write`] does. Returns `true` if
+    /// anything may have changed.
     pub fn move_pins(&mut self, address: u32, value: u32, now: u64, board: &mut impl Exterior) -> bool {
         let outputs = self.quiet.outputs.filter(|(port, _)| *port == address);
         let levels = outputs.map(|(_, levels)| levels);
@@ -361,7 +361,7 @@ impl Machine {
         }
     }
 
-    /// Takes what comes from now on.
+    /// Adds inputs that are still to come.
     ///
     /// # Panics
     /// One of the pins or USARTs does not exist.
@@ -374,17 +374,17 @@ impl Machine {
         self.quiet.end();
     }
 
-    /// Inputs and rows that are kept for later.
+    /// Number of inputs and rows that are kept for later.
     pub fn held(&self) -> usize {
         let usarts = self.chip.units.usart.iter();
         let bytes: usize = usarts.map(|usart| usart.input.len()).sum();
         bytes + self.levels.count() + self.chip.stimulus.held()
     }
 
-    /// Makes something fail.
+    /// Injects a fault.
     pub fn fail(&mut self, kind: FaultKind, now: u64, board: &mut impl Exterior) {
         self.play(now, board);
-        // Before the first scan nothing tells which converter will sample.
+        // Before the first scan it is not known which converter will sample.
         let (sampler, adc) = (self.chip.sampler, self.chip.sampler.unwrap_or(0));
         let serving_adc = serving(&self.chip, &SERVERS.adc[adc]);
         let units = &mut self.chip.units;
@@ -442,7 +442,7 @@ impl Machine {
         self.settle(board);
     }
 
-    /// Returns `true` if nothing happens any more by itself, and nothing from outside would interrupt.
+    /// Returns `true` if no event is to come and no input from outside would interrupt.
     pub fn is_at_rest(&self) -> bool {
         let units = &self.chip.units;
         let listens = units.exti.listens_to_pins()
@@ -451,7 +451,7 @@ impl Machine {
         !listens && self.next_interrupt().is_none() && events::next(&self.chip, &self.levels).is_none()
     }
 
-    /// Returns `true` if the processor gets no instruction.
+    /// Returns `true` if the processor executes no instruction.
     pub(crate) fn stands_still(&self) -> bool {
         self.chip.stands_still() || self.chip.sleeps()
     }
@@ -479,31 +479,31 @@ impl Machine {
         &self.chip.stimulus
     }
 
-    /// The register that the processor does nothing but read, if no model knows it.
+    /// Name of the unmodelled register that the processor polls.
     pub fn stuck(&self) -> Option<String> {
         self.stuck.map(registers::name)
     }
 
-    /// Returns `true` if a watchdog runs. It resets an image that does nothing more.
+    /// Returns `true` if a watchdog runs, which resets an image that hangs.
     pub fn watchdog_runs(&self) -> bool {
         let units = &self.chip.units;
         units.iwdg.next_interrupt().is_some() || units.wwdg.runs_out().is_some()
     }
 
-    /// Contents of flash from [`WRITABLE`]'s start on.
+    /// Contents of flash from the start of [`WRITABLE`].
     pub fn flash(&self) -> &[u8] {
         &self.chip.units.flash.contents
     }
 
-    /// The vector table lies here: not at the start of flash if another program starts first.
+    /// Sets the vector table's address. It is not the start of flash if another program starts first.
     pub fn set_vectors(&mut self, address: u32) {
         self.vectors = address;
     }
 
-    /// Puts these bytes there.
+    /// Replaces the contents of flash from the start of [`WRITABLE`].
     ///
     /// # Panics
-    /// The number of bytes is another one.
+    /// The number of bytes differs from that of [`Self::flash`].
     pub fn set_flash(&mut self, contents: Vec<u8>) {
         let wanted = self.chip.units.flash.contents.len();
         assert_eq!(contents.len(), wanted, "all bytes that can be written");
@@ -532,7 +532,7 @@ impl Machine {
         }
     }
 
-    /// Inputs that were to come.
+    /// Describes the inputs that have not come.
     fn never_came(&self) -> Vec<String> {
         let levels = self.levels.left(&self.chip);
         let ports = USARTS.iter().zip(&self.chip.units.usart);
@@ -576,8 +576,8 @@ impl Machine {
         units.rng.advance(now);
     }
 
-    /// Plays what a converter and its trigger do up to `now`, as long as nothing else happens. [`Self::play`]
-    /// would do the same, and look at every peripheral for every conversion.
+    /// Plays the events of a converter and its trigger up to `now`, or until anything else happens.
+    /// [`Self::play`] would do the same, but examine every peripheral for every conversion.
     fn scan(&mut self, now: u64, board: &mut impl Exterior) {
         let Some(scans) = self.chip.scans() else { return };
         let Scans { adc, tim } = scans;
@@ -650,7 +650,7 @@ impl Machine {
         }
     }
 
-    /// Of several causes the first stands, but for a power cut.
+    /// Requests a reset. The first of several causes counts, unless one is a power cut.
     fn want_reset(&mut self, cause: ResetCause, board: &mut impl Exterior) {
         self.reset_wanted.get_or_insert(cause);
         board.reset_wanted();

@@ -1,4 +1,4 @@
-//! Where memory lies (RM0090 section 2.3).
+//! Addresses of memory (RM0090 section 2.3).
 
 use std::ops::Range;
 
@@ -6,7 +6,7 @@ use std::ops::Range;
 pub const SRAM: Range<u32> = 0x2000_0000..0x2002_0000;
 /// Flash of the STM32F405, on the AHB. It is bank 1 of parts with 2 MiB.
 pub const FLASH: Range<u32> = 0x0800_0000..0x0810_0000;
-/// The part of it that the firmware can write: all but sectors 0 and 1, where a program starts.
+/// Flash that the firmware can write: all but sectors 0 and 1, where a program starts.
 pub const WRITABLE: Range<u32> = 0x0800_8000..0x0810_0000;
 
 /// The sector of flash that CR.SNB names, if there is one (tables 5 and 6). Bit 4 is the bank.
@@ -25,16 +25,16 @@ pub(crate) fn sector(snb: u32) -> Option<Range<u32>> {
 /// Core-coupled memory. It is on the processor's bus only: the DMA does not reach it.
 pub(crate) const CCM: Range<u32> = 0x1000_0000..0x1001_0000;
 
-/// SRAM of the part that has most. QEMU 7.2 gives this machine all of it, 10.0 as much as [`SRAM`].
+/// SRAM of the part that has most. QEMU 7.2 gives this machine all of it, 10.0 only [`SRAM`].
 pub(crate) const MOST_SRAM: Range<u32> = 0x2000_0000..0x2003_0000;
 /// APB1 and APB2.
 pub(crate) const APB: Range<u32> = 0x4000_0000..0x4002_0000;
-/// The peripherals' part of the address space.
+/// The peripheral region of the address space.
 pub(crate) const PERIPHERALS: Range<u32> = 0x4000_0000..0x6000_0000;
 
-/// Returns `true` if an access to the peripherals' part leads to no bus at all, so that silicon raises a bus
-/// fault: above AHB1's and AHB2's last peripheral (table 1). Between peripherals of one bus it reads as zero
-/// here, and is reported.
+/// Returns `true` if an address of the peripheral region is on no bus at all, so that silicon raises a bus
+/// fault: above AHB1's and AHB2's last peripheral (table 1). An address between peripherals of one bus reads
+/// as zero here, and is reported.
 pub(crate) fn is_beyond_every_bus(address: u32) -> bool {
     matches!(address, 0x4008_0000..0x5000_0000 | 0x5006_0c00..0x6000_0000)
 }

@@ -15,7 +15,7 @@ pub struct Outcome {
     pub end: RunEnd,
     /// Bytes that left the USART1 transmitter by a pin.
     pub uart: Vec<u8>,
-    /// When each of them had left, in ns of virtual time since power-up.
+    /// Time at which each byte had left, in ns of virtual time since power-up.
     pub uart_ns: Vec<u64>,
     /// The numbers of the bytes from USART1 whose ninth data bit was set.
     pub uart_ninth: Vec<usize>,
@@ -44,10 +44,10 @@ pub struct Outcome {
     pub resets: Vec<Reset>,
     /// Exceptions of faults, the first 16.
     pub exceptions: Vec<Exception>,
-    /// When the image panicked, in ns.
+    /// Times at which the image panicked, in ns.
     pub panics: Vec<u64>,
-    /// Where the processor was at the end: the beginning of the last block of instructions without a branch.
-    /// `None` if it slept since the first instruction.
+    /// Address of the processor at the end: the beginning of the last block of instructions without a branch.
+    /// `None` if it slept from the first instruction.
     pub stopped_at: Option<CodeAddress>,
     /// The register that the processor accessed most at the end, if one stands out.
     pub busy_with: Option<String>,
@@ -55,12 +55,12 @@ pub struct Outcome {
     pub unknown_registers: Vec<UnknownRegister>,
     /// Features of modelled peripherals that the firmware asked for and that are not modelled.
     pub unmodelled: Vec<String>,
-    /// Faults, levels and bytes that were to come and did not: the run was over, or never sampled.
+    /// Faults, levels and bytes that did not arrive: the run was over, or never sampled.
     pub never_came: Vec<String>,
     /// Output pins that moved.
     pub pins: Vec<Pin>,
     /// Contents at the end of the flash that firmware can write, which is all but sectors 0 and 1: address
-    /// and bytes. A part of it that holds none of the image can be a block of
+    /// and bytes. A range of it that the image leaves free can be a block of
     /// [`Run::flash`](crate::Run::flash).
     pub flash: (u32, Vec<u8>),
     /// Words that the firmware programmed and sectors that it erased, in order.
@@ -68,7 +68,7 @@ pub struct Outcome {
     /// Time that the processor spent at each clock: HCLK in Hz, and virtual time in ns. 0 Hz is a clock that
     /// stands still, in STOP or STANDBY or without a crystal.
     pub hclk_ns: Vec<(u32, u64)>,
-    /// True if the image started the crystal, so that its clocks may rest on
+    /// True if the image started the crystal, so that its clocks may depend on
     /// [`Run::hse_hz`](crate::Run::hse_hz).
     pub crystal_started: bool,
     /// Virtual time at the end, in ns since power-up.
@@ -80,7 +80,7 @@ impl Outcome {
     /// breakpoint.
     ///
     /// # Errors
-    /// One line: how it failed.
+    /// One line: the kind of failure.
     pub fn verdict(&self) -> Result<(), String> {
         let last = self
             .log
@@ -122,7 +122,7 @@ impl Outcome {
         })
     }
 
-    /// Lets `name` fill in the function around each address.
+    /// Adds the function around each address by calling `name`.
     pub(crate) fn name_functions(&mut self, name: impl Fn(&mut CodeAddress)) {
         let at_end = match &mut self.end {
             RunEnd::Breakpoint(place) | RunEnd::Hung(place) => Some(place),
@@ -139,7 +139,7 @@ impl Outcome {
         places.flatten().for_each(name);
     }
 
-    /// Where the processor was at the end and what it did there, as a part of a sentence.
+    /// Place and activity of the processor at the end, as a part of a sentence.
     pub(crate) fn whereabouts(&self) -> String {
         let place = self.stopped_at.as_ref().map(|place| format!(", at {place}"));
         let busy = self
@@ -164,7 +164,7 @@ pub struct Instructions {
     pub functions: Vec<FunctionCount>,
     /// The busiest stretch between two interrupts of the ADC's DMA stream.
     pub worst_block: Option<BlockCost>,
-    /// The one of these stretches with the most cycles a scan, by the upper bound. `None` if cycles were not
+    /// The stretch of this kind with the most cycles per scan, by the upper bound. `None` if cycles were not
     /// counted.
     pub slowest_block: Option<BlockCost>,
     /// All stretches in which a function of [`Run::work`](crate::Run::work) ran, taken together. `None` if
@@ -172,20 +172,20 @@ pub struct Instructions {
     pub working: Option<BlockCost>,
     /// All other stretches, taken together. `None` if there were none.
     pub idle: Option<BlockCost>,
-    /// The longest stretch without interrupts (PRIMASK set), from the first interrupt of the ADC's DMA stream
-    /// on: by the upper bound of its cycles, or by its instructions if cycles were not counted.
+    /// The longest stretch without interrupts (PRIMASK set) since the first interrupt of the ADC's DMA
+    /// stream: by the upper bound of its cycles, or by its instructions if cycles were not counted.
     pub masked: Option<Masked>,
 }
 
-/// A stretch from CPSID to CPSIE, or to the MSR that gives PRIMASK back. Sections in another are part of it.
-/// The MSR is taken to write what was read before the CPSID.
+/// A stretch from CPSID to CPSIE, or to the MSR that restores PRIMASK, including nested sections. The MSR is
+/// assumed to write the value read before the CPSID.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Masked {
     /// Executed instructions.
     pub instructions: u64,
     /// Cycles that they would take, if these were counted.
     pub cycles: Option<Cycles>,
-    /// Where it begins.
+    /// Address at which the stretch begins.
     pub from: CodeAddress,
 }
 
@@ -225,7 +225,7 @@ pub struct Uart {
     pub port: String,
     /// The bytes: the lower eight data bits of each frame.
     pub bytes: Vec<u8>,
-    /// When each of them had left, in ns of virtual time since power-up.
+    /// Time at which each byte had left, in ns of virtual time since power-up.
     pub ns: Vec<u64>,
     /// The numbers of the bytes whose ninth data bit was set.
     pub ninth: Vec<usize>,
@@ -258,11 +258,11 @@ impl fmt::Display for LogLine {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct StretchWork {
-    /// Number of QEMU's calls of the overlay, for an access to a peripheral or at a requested time.
+    /// Number of QEMU's calls of the overlay: for an access to a peripheral, or at a requested time.
     pub calls: u64,
     /// Executed instructions; 0 if they are not counted.
     pub instructions: u64,
-    /// Inputs and rows of the stimulus that the emulator keeps at the end of it.
+    /// Inputs and rows of the stimulus that the emulator holds at the end of the stretch.
     pub held: usize,
 }
 
@@ -322,13 +322,13 @@ pub struct UnknownRegister {
     pub name: String,
     /// Address of the word.
     pub address: u32,
-    /// The clock of its peripheral was off: it reads as zero there on silicon too.
+    /// True if the clock of its peripheral was off: then it reads as zero on silicon too.
     pub clock_off: bool,
     /// Number of reads.
     pub reads: u64,
     /// Number of writes.
     pub writes: u64,
-    /// The last value written; of a narrow store, in its place in the word.
+    /// The last value written. A narrow store is shifted to its place in the word.
     pub last_write: Option<u32>,
 }
 
@@ -339,8 +339,8 @@ pub struct Pin {
     pub name: String,
     /// Number of changes of its level while it was an output.
     pub edges: u64,
-    /// When it changed, in ns since power-up, and its level from then on. Empty unless the run was told to
-    /// record them ([`Run::record_pins`](crate::Run::record_pins)).
+    /// Time of each change, in ns since power-up, and the level from then on. Empty unless the run recorded
+    /// them ([`Run::record_pins`](crate::Run::record_pins)).
     pub changes: Vec<(u64, bool)>,
 }
 
@@ -370,9 +370,9 @@ impl BlockCost {
     }
 }
 
-/// Cycles of the core's clock, by what the memory is taken to be: estimated from the timing tables of the
-/// core (DDI0439B) and the description of the flash at 168 MHz (RM0090 section 3.5), not measured. Sleep
-/// takes none.
+/// Cycles of the core's clock for several kinds of memory: estimated from the timing tables of the core
+/// (DDI0439B) and the description of the flash at 168 MHz (RM0090 section 3.5), not measured. Sleep takes
+/// none.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Cycles {
@@ -382,7 +382,7 @@ pub struct Cycles {
     pub cached: u64,
     /// Flash with caches and prefetch off.
     pub uncached: u64,
-    /// An upper bound: nothing overlaps, and whatever may wait does.
+    /// An upper bound: nothing overlaps, and every wait that is possible occurs.
     pub most: u64,
 }
 

@@ -8,8 +8,8 @@
 //! ([`Peripheral::next_interrupt`], [`adc::Adc::next_conversion`], …). The module `machine` puts these times
 //! together.
 //!
-//! A register that a model lacks gives [`NoRegister`]. It never reads as zero without a report. Firmware may
-//! ask a modelled register for a feature that is not modelled: this goes to the model's [`Notes`].
+//! An access to a register that a model lacks returns [`NoRegister`]. It never reads as zero without a
+//! report. A request for a feature that a modelled register lacks goes to the model's [`Notes`].
 
 pub(crate) mod adc;
 pub(crate) mod adc_common;

@@ -6,7 +6,7 @@
 //! in them. The callbacks drive an `Overlay`. The overlay drives a machine, records what comes out of it, and
 //! ends the run.
 //!
-//! The processor's thread also passes the time in which the processor waits, and the main thread rests: see
+//! The processor's thread also passes the time in which the processor waits, while the main thread rests: see
 //! `rest`.
 //!
 //! QEMU's big lock is held in every callback that reaches the overlay, so one call ends before the next

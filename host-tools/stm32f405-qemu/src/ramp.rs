@@ -7,7 +7,6 @@ pub struct Ramp {
     pub hz: u32,
     /// True if it counts down.
     pub falls: bool,
-    /// Time at which it does something else, ns: before it, it neither overflows nor is reloaded. This time
-    /// may be too early, but never too late.
+    /// Time at which the register may overflow or be reloaded, ns. It may be too early, but never too late.
     pub until_ns: u64,
 }

@@ -46,7 +46,7 @@ use process::QemuJob;
 use qemu::FoundQemu;
 
 impl Run {
-    /// Runs the image to its end. The same run gives the same bytes.
+    /// Runs the image to its end. Equal runs give equal bytes.
     ///
     /// # Errors
     /// See [`RunError`]. An image that never samples is not an error: then [`Outcome::sampling`] is `None`.
@@ -56,8 +56,8 @@ impl Run {
         self.complete(&image, &job, outcome)
     }
 
-    /// Begins a run whose time passes as the caller says: see [`Live`]. It has no end of its own: `tail_ns`
-    /// and `sampling_deadline_ns` mean nothing, and `timeout` counts from stop to stop.
+    /// Begins a run whose time the caller advances: see [`Live`]. It does not end by itself: `tail_ns` and
+    /// `sampling_deadline_ns` are ignored, and `timeout` counts from stop to stop.
     ///
     /// # Errors
     /// See [`RunError`].
@@ -99,7 +99,7 @@ impl Run {
         Ok((image, job))
     }
 
-    /// The outcome with what stands in files beside it.
+    /// Adds the contents of the run's other files to the outcome.
     fn complete(&self, image: &Image, job: &QemuJob, outcome: Outcome) -> Result<Outcome, RunError> {
         let folder = &job.folder;
         let rtt = folder.read(exchange::RTT)?;
@@ -134,7 +134,7 @@ impl Run {
         }
     }
 
-    /// The shift of this run: as given, else from the environment, else 3.
+    /// The shift of this run: the one given, else from the environment, else 3.
     ///
     /// # Errors
     /// [`RunError::Input`]: QEMU has no such shift.
@@ -196,11 +196,11 @@ impl Run {
         }
         if self.semihosting {
             let said = folder.path(exchange::SEMIHOSTING);
-            // Standard output of the image comes there by another way, and in order.
+            // The image's standard output reaches this file by another way, and in order.
             let output = format!("file,id=semihosting,path={},append=on", said.display());
             arguments.extend(["-chardev".into(), output.into(), "-semihosting-config".into()]);
             let words = self.semihosting_arguments.iter();
-            // QEMU takes two commas for one.
+            // QEMU reads two commas as one.
             let words: String = words
                 .map(|word| format!(",arg={}", word.replace(',', ",,")))
                 .collect();
@@ -215,7 +215,7 @@ impl Run {
         Ok(arguments)
     }
 
-    /// Refuses what would make QEMU or the plugin fail in a less helpful place.
+    /// Refuses inputs that would make QEMU or the plugin fail with a less helpful message.
     fn check(&self) -> Result<(), RunError> {
         let refused = |text: String| Err(RunError::Input(text));
         if self.sample_period_ns == 0 {
@@ -299,7 +299,7 @@ fn loader(folder: &RunFolder, name: &str, address: u32, bytes: &[u8]) -> Result<
     Ok(["-device".into(), loader.into()])
 }
 
-/// Refuses a port at which QEMU's stub cannot listen. QEMU's own line on that comes when it has started.
+/// Refuses a port at which QEMU's stub cannot listen. QEMU reports this only after it has started.
 fn check_port(port: u16) -> Result<(), RunError> {
     let taken = |error| {
         let what = format!("a debugger cannot come to port {port} of this computer ({error})");

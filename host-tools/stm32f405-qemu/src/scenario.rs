@@ -1,4 +1,4 @@
-//! A scenario file: what comes to the part from outside, in TOML.
+//! A scenario file, in TOML: the inputs of the part from outside.
 //!
 //! # Design
 //!
@@ -21,7 +21,7 @@ use crate::outcome::Outcome;
 use time::Time;
 use waves::{Unit, Wave};
 
-/// Most codes of a waveform with the time before it.
+/// Most codes of a waveform, including the time before it.
 const MOST_CODES: u64 = 100_000_000;
 
 /// A scenario: inputs of a run.
@@ -33,14 +33,14 @@ pub struct Scenario {
     paths: Vec<PathBuf>,
 }
 
-/// When a waveform is over, if the file does not say that its last value stays.
+/// End of a waveform, unless the file says that its last value stays.
 #[derive(Debug)]
 struct WaveEnd {
     pin: String,
     ends_ns: u64,
 }
 
-/// A mistake in a scenario: its place, and what is wrong.
+/// A mistake in a scenario: its place and description.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ScenarioError(String);
 
@@ -98,7 +98,7 @@ struct Button {
     pressed: Spanned<Vec<Time>>,
     #[serde(rename = "for")]
     lasts: Spanned<Time>,
-    /// The level of a button that is pressed.
+    /// Level of the pin while the button is pressed.
     #[serde(default)]
     level: Pressed,
 }
@@ -137,7 +137,7 @@ struct Waveform {
     gain: f64,
     #[serde(default)]
     offset: f64,
-    /// The last value stays, and nobody needs to hear of it.
+    /// True if the last value stays, so that the end of the waveform is not reported.
     #[serde(default)]
     stays: bool,
 }
@@ -169,7 +169,7 @@ struct FaultEntry {
     lasts: Option<Time>,
 }
 
-/// The text of a file, to say where in it something stands.
+/// The text of a file, to give the place of a mistake.
 struct Source<'a> {
     path: &'a Path,
     text: &'a str,
@@ -222,7 +222,7 @@ impl Scenario {
     /// Reads a scenario file, and the waveforms that it names.
     ///
     /// # Errors
-    /// One line: the place of a mistake, and what is wrong.
+    /// One line: the place and description of a mistake.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, ScenarioError> {
         let path = path.as_ref();
         let text = std::fs::read_to_string(path)
@@ -290,17 +290,17 @@ impl Scenario {
         Ok(())
     }
 
-    /// The files that it was read from: its own, and those of its waveforms.
+    /// The files read: the scenario's own, and those of its waveforms.
     pub fn paths(&self) -> &[PathBuf] {
         &self.paths
     }
 
-    /// Returns `true` if it says which crystal the part has.
+    /// Returns `true` if the scenario specifies the part's crystal.
     pub fn names_crystal(&self) -> bool {
         self.file.clock.crystal_hz.is_some()
     }
 
-    /// Gives a run these inputs, beside those that it has.
+    /// Adds these inputs to a run.
     pub fn apply(&self, run: &mut Run) {
         let file = &self.file;
         let clock = &file.clock;
@@ -332,7 +332,7 @@ impl Scenario {
             .extend(faults.map(|(at_ns, kind)| Fault::after_power_up(at_ns, kind)));
     }
 
-    /// Waveforms that were over before the run was: a line for each.
+    /// Waveforms that ended before the run did: a line for each.
     pub fn ended_early(&self, outcome: &Outcome) -> Vec<String> {
         let early = self.ends.iter().filter(|wave| wave.ends_ns < outcome.virtual_ns);
         let line = |wave: &WaveEnd| {
@@ -456,7 +456,7 @@ impl Uart {
     }
 }
 
-/// The faults that need nothing but a time.
+/// The faults that need only a time.
 const FAULTS: [(&str, FaultKind); 11] = [
     ("adc_overrun", FaultKind::AdcOverrun),
     ("extra_scan", FaultKind::ExtraScan),

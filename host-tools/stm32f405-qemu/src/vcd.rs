@@ -1,4 +1,4 @@
-//! Levels of pins over time, as a value change dump (IEEE 1364-2005, section 18) for waveform viewers.
+//! Levels of pins over time as a value change dump (IEEE 1364-2005, section 18) for waveform viewers.
 
 use std::io;
 

@@ -4,9 +4,9 @@ use crate::packages::IMAGES;
 use crate::setup::TARGET;
 use crate::step::{CommandLine, Steps, Stop};
 
-/// Runs the benchmark of the simulator with these words, or that of the monitor with the word `monitor`, or
-/// that of the emulator with `emulator`. For `--native` it is compiled a second time, for this processor
-/// alone.
+/// Runs the benchmark of the simulator with these words, that of the monitor for the word `monitor`, or that
+/// of the emulator for `emulator`. With `--native` the simulator's is compiled a second time, only for this
+/// processor.
 pub(crate) fn bench(steps: &Steps, words: &[&String]) -> Result<(), Stop> {
     match words {
         [word] if *word == "monitor" => return monitor(steps),
@@ -28,7 +28,7 @@ pub(crate) fn bench(steps: &Steps, words: &[&String]) -> Result<(), Stop> {
     steps.run("the chain simulator and general solvers", &line)
 }
 
-/// Recorder and monitor, as fast as ten beads may send.
+/// Runs recorder and monitor on data that comes as fast as ten beads may send.
 fn monitor(steps: &Steps) -> Result<(), Stop> {
     let line =
         CommandLine::new("cargo test --release --package absorber-bead --test all -- --nocapture --exact")
@@ -38,7 +38,7 @@ fn monitor(steps: &Steps) -> Result<(), Stop> {
     steps.run(title, &line)
 }
 
-/// How fast an image waits in the emulator.
+/// Measures the emulator's speed while an image waits.
 fn emulator(steps: &Steps) -> Result<(), Stop> {
     let image = CommandLine::new("cargo build --bin waits").words(IMAGES);
     steps.run("the image that waits", &image)?;

@@ -38,7 +38,7 @@ pub(crate) fn build_images(steps: &Steps) -> Result<(), Stop> {
         .try_for_each(|board| build_image(steps, board))
 }
 
-/// Where the image for a board is left that is not the first.
+/// Path of the image for a board other than the first.
 pub(crate) fn path(steps: &Steps, board: &str) -> PathBuf {
     steps.root.join(steps.built("boards")).join(board)
 }
@@ -52,7 +52,7 @@ pub(crate) fn line(board: &str) -> CommandLine {
 
 fn build_image(steps: &Steps, board: &str) -> Result<(), Stop> {
     paths::leave_out(steps, paths::cargo_home().as_deref())?;
-    // In a directory of their own: where the first board's image lies, `bead` takes the one that it carries.
+    // In another directory than the first board's image, since `bead` carries the image that it finds there.
     let apart = steps.target.join("boards/build");
     let_it_have_the_libraries(steps, &apart)?;
     let build = line(board).words("--target-dir").arg(&apart);
@@ -87,7 +87,7 @@ fn let_it_have_the_libraries(steps: &Steps, apart: &Path) -> Result<(), Stop> {
 /// The board of this name, if the image can run there.
 ///
 /// # Errors
-/// There is none, or it cannot work: why.
+/// There is none, or the image cannot run there; the message says why.
 fn works<'a>(table: &str, name: &'a str) -> Result<&'a str, Stop> {
     match rows(table).find(|row| row[0] == name).as_deref() {
         Some([_, "no", why, ..]) => Err(Stop::failed(format!("{name} cannot be a bead: {why}"))),

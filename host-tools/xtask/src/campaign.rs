@@ -1,5 +1,5 @@
-//! The fault campaign: scripts of faults that chance draws, and the image under each; and an update whose
-//! power is cut in each operation.
+//! The fault campaign: runs the image under scripts of faults drawn at random, and an update whose power is
+//! cut in each operation.
 
 use crate::image;
 use crate::packages::DEMO;

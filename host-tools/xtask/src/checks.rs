@@ -5,15 +5,15 @@ use std::path::Path;
 use crate::files::read;
 use crate::step::Stop;
 
-/// A value that is this small is an error or a rounding, which differs from computer to computer.
+/// A value below this is an error or a rounding, which differs from computer to computer.
 const ROUNDING: f64 = 1e-8;
-/// Parts that a value may differ by: the table has six digits.
+/// Relative difference that is allowed: the table has six digits.
 const DIFFERENCE: f64 = 1e-4;
 
 /// Compares two tables of checks, the one in the book and the one just written.
 ///
 /// # Errors
-/// A file that cannot be read, a row that is in one table alone, or a value that is another.
+/// A file cannot be read, a row is in only one table, or a value differs.
 pub(crate) fn compare(book: &Path, fresh: &Path) -> Result<usize, Stop> {
     let (book_text, fresh_text) = (read(book)?, read(fresh)?);
     let rows = fresh_text.lines().count();

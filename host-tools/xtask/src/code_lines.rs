@@ -21,8 +21,8 @@ pub(crate) struct Place {
 /// Code of an image and the sources that it is made of.
 #[derive(Debug, Default)]
 pub(crate) struct Code {
-    /// Pieces of code with the lines that they are made of: of what was inlined, the line in the inlined
-    /// function first, then the line that calls it, and so on.
+    /// Pieces of code with the lines that they come from. For inlined code, the line in the inlined function
+    /// comes first, then the line that calls it, and so on.
     pub(crate) pieces: Vec<(Range<u32>, Place)>,
     /// Functions by their names without a hash. Several may have one name.
     pub(crate) functions: BTreeMap<String, Vec<Range<u32>>>,
@@ -75,7 +75,7 @@ impl Code {
     }
 }
 
-/// Addresses, if there are any and they are of flash: what the linker left out stands at 0.
+/// Returns the addresses if there are any and they are in flash: what the linker left out is at 0.
 fn in_flash(start: u64, length: u64) -> Option<Range<u32>> {
     let start = u32::try_from(start).ok().filter(|start| FLASH.contains(start))?;
     let end = start.checked_add(u32::try_from(length).ok()?)?;

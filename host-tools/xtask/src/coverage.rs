@@ -1,11 +1,11 @@
 //! Lines of the flash image that all its tests in QEMU together execute.
 //!
 //! # Design
-//! Nothing is compiled anew for it: what runs is the image that is flashed, and the emulator notes the
-//! half-words that it executes (`STM32F405_QEMU_COVERAGE`, docs/emulator.md). A line is one of the
-//! image's if the compiler has made code of it, in any place, and reached if an instruction of that code
-//! was executed. Of code that was inlined, both the line inside and the lines that call it count. The
-//! images for all boards count together: they are one program with other pins.
+//! Nothing is compiled for it: the tests run the image that is flashed, and the emulator notes the half-words
+//! that it executes (`STM32F405_QEMU_COVERAGE`, docs/emulator.md). A line belongs to the image if the
+//! compiler has made code of it, in any place, and is reached if an instruction of that code was executed.
+//! For inlined code, both the line inside and the lines that call it count. The images for all boards count
+//! together: they are one program with other pins.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
@@ -32,7 +32,7 @@ const LEAST: f64 = 0.9;
 /// The image's own sources. Below them, `examples` and `tests` are in no image.
 const OWN: &str = "firmware/";
 
-/// Runs the tests and reports, or reports on what is there.
+/// Runs the tests and reports, or reports only on the runs that are there.
 ///
 /// # Errors
 /// A test fails, or the share of lines is too small.
@@ -88,8 +88,8 @@ fn run(steps: &Steps, runs: &Path) -> Result<(), Stop> {
     Ok(())
 }
 
-/// The copies of the images as they are built now, each beside the files of its runs. Tests run other images
-/// too, which they change or make.
+/// Returns copies of the images as they are built now, each beside the files of its runs. Tests run other
+/// images too, which they change or make.
 fn images(steps: &Steps, runs: &Path) -> Result<Vec<PathBuf>, Stop> {
     let first = steps.root.join(image::path(steps));
     let boards = entries(&steps.target.join("boards")).unwrap_or_default();
@@ -145,7 +145,7 @@ fn share([lines, reached]: Sums) -> f64 {
 #[derive(Debug, Default)]
 struct Lines {
     files: BTreeMap<String, BTreeMap<u32, bool>>,
-    /// By name; with the line that they begin at.
+    /// Functions by name, each with its first line and whether it was reached.
     functions: BTreeMap<String, (Place, bool)>,
 }
 
@@ -220,7 +220,7 @@ impl Lines {
         text
     }
 
-    /// Prints a row for each file and each package; gives the sum of all.
+    /// Prints a row for each file and each package; returns the sum of all.
     fn table(&self) -> Sums {
         let mut packages: BTreeMap<&str, Sums> = BTreeMap::new();
         println!("{:<44} {:>7} {:>7} {:>7}", "file", "lines", "reached", "%");

@@ -64,7 +64,7 @@ pub(crate) fn make(steps: &Steps, image: &Path) -> Result<(), Stop> {
     let copy = |from: &Path, to: &str| files::copy(from, &packed.join(to));
     for (program, _) in PROGRAMS {
         copy(&installed.join("bin").join(program), program)?;
-        // A quarter of it are names of functions.
+        // A quarter of the program is names of functions.
         let strip = CommandLine::new("strip").arg(packed.join(program));
         steps.run(&format!("{program} without symbols"), &strip)?;
         let size = fs::metadata(packed.join(program)).map_or(0, |file| file.len());

@@ -37,14 +37,14 @@ pub(crate) fn below(dir: &Path, keep: &dyn Fn(&Path) -> bool) -> Result<Vec<Path
     Ok(files)
 }
 
-/// The files below `root` whose names end so, with their text.
+/// The files below `root` whose names have this ending, with their text.
 pub(crate) fn texts(root: &Path, ending: &str) -> Result<Vec<(PathBuf, String)>, Stop> {
     let keep = |path: &Path| {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         if !path.is_dir() {
             return name.ends_with(ending);
         }
-        // Build directories hold the files of others; they are marked so (bford.info/cachedir).
+        // Build directories hold the files of others; this file marks them (bford.info/cachedir).
         !name.starts_with('.') && !path.join("CACHEDIR.TAG").exists()
     };
     let files = below(root, &keep)?.into_iter();
@@ -61,7 +61,7 @@ pub(crate) fn bytes(path: &Path) -> Result<Vec<u8>, Stop> {
     fs::read(path).map_err(cannot("read", path))
 }
 
-/// Makes a folder and those that it lies in.
+/// Makes a folder and those above it.
 pub(crate) fn make(folder: &Path) -> Result<(), Stop> {
     fs::create_dir_all(folder).map_err(cannot("make", folder))
 }

@@ -6,16 +6,16 @@ use crate::files;
 use crate::nightly;
 use crate::step::{Steps, Stop};
 
-/// How long each target runs unless told otherwise, s.
+/// Default duration of each target, s.
 const SECONDS: u64 = 60;
 /// Longest input, bytes: as in the short run of `fuzz/tests/seeded.rs`.
 const LONGEST: usize = 16 << 10;
 /// Limits of an input: s and MB.
 const LIMITS: &str = "-timeout=10 -rss_limit_mb=1024 -malloc_limit_mb=256";
-/// Targets that take TOML: they get words of which it is made.
+/// Targets that take TOML: they get a list of its words.
 const OF_TOML: [&str; 5] = ["beads", "faults", "limits", "scenarios", "sweeps"];
-/// The project's code has no `unsafe` here, so that the address sanitizer would cost two thirds of the speed
-/// for nothing but its dependencies.
+/// No address sanitizer: the project's code has no `unsafe` here, so it would cost two thirds of the speed to
+/// check only dependencies.
 const OPTIONS: &str = "--fuzz-dir fuzz --sanitizer none --features libfuzzer";
 
 /// Runs a target, or all of them, for a time. The words are `[TARGET] [TIME]`.

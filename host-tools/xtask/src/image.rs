@@ -10,12 +10,12 @@ use crate::setup::TARGET;
 use crate::step::{CommandLine, Steps, Stop};
 use crate::{board_table, files, paths};
 
-/// Where cargo puts it.
+/// Path at which cargo leaves the image.
 pub(crate) fn path(steps: &Steps) -> PathBuf {
     steps.built(&format!("{TARGET}/firmware/bead-firmware"))
 }
 
-/// Builds it, signs it, and says what it takes.
+/// Builds and signs the image, and prints the memory that it takes.
 pub(crate) fn build(steps: &Steps) -> Result<(), Stop> {
     paths::leave_out(steps, paths::cargo_home().as_deref())?;
     steps.run("the flash image", &CommandLine::new("cargo build").words(IMAGE))?;
@@ -27,12 +27,12 @@ pub(crate) fn build(steps: &Steps) -> Result<(), Stop> {
     Ok(())
 }
 
-/// The file that names the key that signs images: 64 hexadecimal digits. Without it the development key does,
-/// which everybody has.
+/// Variable with the file of the key that signs images: 64 hexadecimal digits. Without it the development key
+/// signs, which everybody has.
 const KEY: &str = "BEAD_SIGNING_KEY";
 
-/// Signs an image for a board, so that beads take it over their line. Its time stays what it was: what is
-/// compiled from it need not be compiled anew.
+/// Signs an image for a board, so that beads take it over their line. The file keeps its time, so that
+/// nothing compiled from it is compiled again.
 ///
 /// # Errors
 /// There is no such image, or no such key.
@@ -43,7 +43,7 @@ pub(crate) fn sign(image: &Path, board: &str) -> Result<(), Stop> {
     };
     let signed = bead_update::file::sign(&files::bytes(image)?, board, env!("CARGO_PKG_VERSION"), &seed);
     let signed = signed.map_err(files::cannot("sign", image))?;
-    // Beside it, and then in its place: cargo's own copy is another name of the same file.
+    // Written beside the image and then renamed: cargo's own copy is another name of the same file.
     let beside = image.with_extension("signed");
     let put = || {
         let modified = image.metadata()?.modified()?;

@@ -1,4 +1,4 @@
-//! Every link of the documentation leads somewhere.
+//! Check that every link of the documentation leads somewhere.
 //!
 //! # Design
 //! Links inside the repository are checked, files and headings alike; the web is not, since a check that
@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use crate::files::texts;
 use crate::step::Stop;
 
-/// Checks all Markdown files under `root`; the number of links that it followed.
+/// Checks all Markdown files under `root`, and returns the number of links that it followed.
 ///
 /// # Errors
 /// The links that lead nowhere, one a line, with file and line number.

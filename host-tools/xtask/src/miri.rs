@@ -5,11 +5,12 @@ use crate::step::{Steps, Stop};
 
 /// The crates whose tests run there, each on both machines.
 const CRATES: [&str; 3] = ["bead-wire", "bead-store", "bead-model"];
-/// Machines that Miri plays, whatever it runs on: one with words of 32 bits as on the bead, and a big-endian
-/// one. For both, `libm` takes its roots in Rust. For x86-64 it has assembler, which Miri cannot run.
+/// Machines that Miri emulates, whatever it runs on: one with words of 32 bits as on the bead, and a
+/// big-endian one. For both, `libm` computes roots in Rust; for x86-64 it has assembler, which Miri cannot
+/// run.
 const MACHINES: [&str; 2] = ["armv7-unknown-linux-gnueabihf", "s390x-unknown-linux-gnu"];
-/// Tests read files. And a sine gives the same bits each time: Miri would change the last ones by chance, and
-/// tests that draw a pulse with it draw it anew to compare.
+/// No isolation, as tests read files. No rounding errors, as Miri would change the last bits of a sine at
+/// random, and tests compare pulses that they compute twice.
 const FLAGS: &str = "-Zmiri-disable-isolation -Zmiri-no-extra-rounding-error";
 
 /// Runs the tests.

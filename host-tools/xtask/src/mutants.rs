@@ -6,8 +6,8 @@
 //! have to notice each.
 //!
 //! Changes of the code, such as `<` for `<=`, are made by cargo-mutants, which runs the tests of the changed
-//! crate on each. They are made in a profile that compiles fast (`mutants` in Cargo.toml). A few cannot be
-//! told from the code as it is, by any test: docs/reliability.md lists these with their reasons.
+//! crate on each. They are made in a profile that compiles fast (`mutants` in Cargo.toml). No test can
+//! distinguish a few of them from the original code: docs/reliability.md lists these with their reasons.
 
 use std::path::Path;
 use std::process::Command;
@@ -19,7 +19,7 @@ use crate::tools;
 /// Test that runs all checks of all figures.
 pub(crate) const TEST: &str = "every_check_of_every_figure_passes";
 
-/// Mistakes, each with its changes: a file, a text that it has once, and the text in its place.
+/// Mistakes, each with its changes: a file, a text that occurs once in it, and the text that replaces it.
 const MUTANTS: &str = "
 Hertz' exponent 1.49 in place of 1.5, force and energy alike
     model/contact.rs: self.stiffness * overlap * overlap.sqrt() => self.stiffness * overlap.powf(1.49)
@@ -80,7 +80,8 @@ const PARTS: [(&str, &str, &str, &str); 4] = [
 /// The least share of changes that compile which the tests notice, in percent.
 const LEAST: usize = 95;
 
-/// Makes the mistakes that the words name: none for those of the physics, or a part and perhaps a shard.
+/// Makes the mistakes that the words select: without words those of the physics, else a part and perhaps a
+/// shard.
 ///
 /// # Errors
 /// The checks or tests do not notice enough, or something does not compile.
@@ -107,7 +108,7 @@ fn code(steps: &Steps, part: (&str, &str, &str, &str), shard: &str) -> Result<()
     let output = steps.target.join("code-mutants").join(name);
     make(&output)?;
     // A change that makes a test hang is noticed too. The limit is far from what the tests need on a busy
-    // machine. A file of cases that failed once would be tried on every other change.
+    // machine. Failed cases are not kept in a file, as they would be tried on every other change.
     let changes = CommandLine::program(program)
         .words("mutants --profile mutants --no-shuffle --sharding round-robin --shard")
         .arg(shard)

@@ -1,4 +1,4 @@
-//! Rust's nightly, which some checks need and nothing else.
+//! Rust's nightly, which only some checks need.
 
 use crate::step::{CommandLine, Stop};
 

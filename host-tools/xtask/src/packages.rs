@@ -1,13 +1,13 @@
-//! Which packages of the workspace belong together.
+//! Groups of packages of the workspace.
 
-/// The host's packages that the demo needs. The figures, which bring a third of all that is compiled, are
-/// none of them.
+/// The host's packages that the demo needs. The figures are not among them, since they bring a third of all
+/// that is compiled.
 pub(crate) const DEMO: &str = "-p absorber-bead -p stm32f405-qemu";
 
 /// All programs of the host.
 pub(crate) const PROGRAMS: &str = "-p absorber-bead -p stm32f405-qemu -p bead-figures";
 
-/// All but what is built for the part, but the benchmark, which brings other solvers, and but the Python
+/// All packages except those built for the part, the benchmark, which brings other solvers, and the Python
 /// package, which `cargo xtask wheel` builds.
 pub(crate) const HOST: &str = "--workspace --exclude bead-firmware --exclude bead-loader --exclude stm32f405-qemu-images --exclude stm32f405-qemu-cases \
     --exclude hertz-benchmarks --exclude hertz-chain-python";

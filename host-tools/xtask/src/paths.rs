@@ -1,11 +1,11 @@
-//! No path of this machine gets into the flash image.
+//! Keeps the paths of this machine out of the flash image.
 //!
 //! # Design
-//! A panic says the file that it is in, and the compiler writes its path into flash: for a dependency, below
+//! A panic names its source file, and the compiler writes the file's path into flash: for a dependency, below
 //! the home of the person that builds. So two people would get two images of one commit, each with a name in
-//! it. The compiler takes a shorter path for each of these folders, if it is told them, and cargo has no word
-//! yet for "the folder that I am in". So they are written into a file, which `.cargo/config.toml` includes:
-//! every cargo of this workspace builds the same image then, `cargo xtask` or not.
+//! it. The compiler can write a shorter path for each of these folders, but cargo cannot express "the folder
+//! that I am in" yet. So the folders are written into a file, which `.cargo/config.toml` includes: every
+//! cargo of this workspace then builds the same image, `cargo xtask` or not.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -14,7 +14,7 @@ use crate::files::write;
 use crate::setup::{TARGET, output};
 use crate::step::{Steps, Stop};
 
-/// Where cargo looks for it; git does not.
+/// Path at which cargo looks for the file; git ignores it.
 pub(crate) const FILE: &str = ".cargo/paths.toml";
 
 /// Writes the file for these steps and this home of cargo, unless it is right already.
@@ -22,7 +22,7 @@ pub(crate) fn leave_out(steps: &Steps, home: Option<&Path>) -> Result<(), Stop> 
     write(&steps.root.join(FILE), config(&folders(steps, home)))
 }
 
-/// The folders and what is written instead. Of two that fit, the compiler takes the later one.
+/// Folders and their replacements. Of two that match, the compiler takes the later one.
 fn folders(steps: &Steps, home: Option<&Path>) -> Vec<(PathBuf, String)> {
     let mut folders = Vec::new();
     if let Some(home) = home {
@@ -35,7 +35,8 @@ fn folders(steps: &Steps, home: Option<&Path>) -> Vec<(PathBuf, String)> {
         registries.sort();
         folders.extend(registries.into_iter().map(|path| (path, "crates".to_owned())));
     }
-    // The standard library's sources, if they are installed, as they are called if they are not.
+    // The standard library's sources, if they are installed, under the name that they have where they are
+    // not.
     let verbose = output("rustc -vV").unwrap_or_default();
     let commit = verbose
         .lines()

@@ -1,5 +1,5 @@
-//! The examples of the crate stm32f4xx-hal in the emulator. `public-images.toml` says which, and what comes
-//! of each. docs/emulator.md has the count.
+//! The examples of the crate stm32f4xx-hal in the emulator. `public-images.toml` lists them with their
+//! expected results. docs/emulator.md has the count.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -13,7 +13,7 @@ use crate::step::{CommandLine, Steps, Stop};
 const TABLE: &str = include_str!("../public-images.toml");
 /// A waveform of scenarios: the code 1000.
 const LEVEL: &str = "x\n1000\n1000\n";
-/// A package that does nothing but need the crate. It and the copy belong to no workspace.
+/// A package that only depends on the crate. It and the copy belong to no workspace.
 const NEEDS_IT: &str = "\
 [package]
 name = \"needs-it\"
@@ -28,7 +28,7 @@ stm32f4xx-hal = { version = \"=0.23.0\", features = [\"stm32f411\"] }
 /// Builds the examples, runs each under `stm32-emu --strict`, and prints a table.
 ///
 /// # Errors
-/// One does not build, or does something else than the table says.
+/// An example does not build, or does not do what the table says.
 pub(crate) fn check(steps: &Steps) -> Result<(), Stop> {
     setup(steps, Need::Run)?;
     let emulator = CommandLine::new("cargo build --release --package stm32f405-qemu");

@@ -1,10 +1,10 @@
-//! Check that a commit gives equal flash images in another folder, to another person.
+//! Check that a commit yields equal flash images in another folder, for another person.
 //!
 //! # Design
 //! The commit is cloned into a folder for temporary files: below this one cargo would read this one's
-//! configuration too. Its cargo has a home of its own, whose entries are links to the real ones, so that
-//! nothing is downloaded again. Yet every path that the compiler sees is another one. Both have spaces and an
-//! apostrophe in their names, as folders of people do.
+//! configuration too. Its cargo has another home, whose entries are links to the real ones, so that nothing
+//! is downloaded again. Yet every path that the compiler sees differs. Both have spaces and an apostrophe in
+//! their names, as folders of people do.
 
 use std::fs;
 use std::os::unix::fs::symlink;

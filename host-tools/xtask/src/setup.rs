@@ -232,7 +232,7 @@ fn advice() -> String {
     }
 }
 
-/// Where `program` is, as a shell would look for it.
+/// Path of `program`, found as a shell would find it.
 pub(crate) fn find(program: &str) -> Option<PathBuf> {
     std::env::split_paths(&std::env::var_os("PATH")?)
         .map(|dir| dir.join(program))

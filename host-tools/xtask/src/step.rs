@@ -13,7 +13,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// Why the run ends early, and with which exit status.
+/// Reason to end the run early, and its exit status.
 #[derive(Debug)]
 pub(crate) struct Stop {
     pub(crate) message: String,
@@ -22,7 +22,7 @@ pub(crate) struct Stop {
 
 /// The exit status for what is missing on this machine.
 pub(crate) const MISSING: u8 = 3;
-/// Of a step that does not run, because one beside it has failed: never the one that a run ends with.
+/// Exit status of a step that does not run, because one beside it has failed. A run never ends with it.
 const STOPPED: u8 = 0;
 
 impl Stop {
@@ -75,7 +75,7 @@ impl CommandLine {
         self
     }
 
-    /// Runs it in this folder, and not in the root of the workspace.
+    /// Sets the folder to run in, instead of the root of the workspace.
     pub(crate) fn within(mut self, folder: impl Into<PathBuf>) -> Self {
         self.folder = Some(folder.into());
         self
@@ -121,9 +121,10 @@ pub(crate) struct Steps {
     /// The directory that they build into.
     pub(crate) target: PathBuf,
     start: Instant,
-    /// True if others run at the same time. The output of a command is then kept, and shown only if it fails.
+    /// True if other series run at the same time. The output of a command is then kept, and shown only if it
+    /// fails.
     beside: bool,
-    /// Set when a step has failed. None of those beside it begins another one then.
+    /// Set when a step has failed. The steps beside it then begin no other one.
     failed: Arc<AtomicBool>,
 }
 
@@ -176,7 +177,7 @@ impl Steps {
         self.run_shown(title, line, true).map(drop)
     }
 
-    /// As [`Steps::run`]; gives what the command prints on standard output.
+    /// Runs a command as [`Steps::run`] does, and returns what it prints on standard output.
     pub(crate) fn read(&self, title: &str, line: &CommandLine) -> Result<String, Stop> {
         let output = self.run_shown(title, line, false)?;
         Ok(String::from_utf8_lossy(&output.stdout).into_owned())
@@ -196,8 +197,8 @@ impl Steps {
         self.ended(title, line, command.output())
     }
 
-    /// Runs one command of many at a time, and says so when it has ended: `tell` makes one line of what it
-    /// printed and of how long it took. What it printed is shown only if it failed.
+    /// Runs one command of many at a time, and prints a line when it has ended: `tell` makes that line of the
+    /// output and the duration. The output is shown only if the command failed.
     pub(crate) fn run_and_tell(
         &self,
         title: &str,
@@ -211,11 +212,11 @@ impl Steps {
         Ok(())
     }
 
-    /// Runs two series of steps at a time, since one alone leaves a core idle now and then. What the commands
-    /// of the second series print is kept, and told only if one fails.
+    /// Runs two series of steps at a time, since one alone leaves a core idle now and then. The output of the
+    /// second series is kept, and shown only if a command fails.
     ///
     /// # Errors
-    /// Of the step that fails first. The other series ends after the step that it is at.
+    /// The error of the step that fails first. The other series ends after its current step.
     pub(crate) fn both(
         &self,
         first: impl FnOnce(&Steps) -> Result<(), Stop>,
@@ -233,12 +234,12 @@ impl Steps {
         Self::first_failure(ended)
     }
 
-    /// Does something beside other steps. If it fails, none of these begins any more.
+    /// Does something beside other steps. If it fails, no further one of them begins.
     pub(crate) fn until_one_fails(&self, work: impl FnOnce() -> Result<(), Stop>) -> Result<(), Stop> {
         work().inspect_err(|_| self.failed.store(true, Ordering::Relaxed))
     }
 
-    /// Of steps beside one another, why one has failed: not because of another one.
+    /// The first failure of steps beside one another, without those that only stopped because of another.
     pub(crate) fn first_failure(ended: impl IntoIterator<Item = Result<(), Stop>>) -> Result<(), Stop> {
         let failures = ended.into_iter().filter_map(Result::err);
         failures
@@ -262,7 +263,7 @@ impl Steps {
         let mut command = line.command();
         command.current_dir(line.folder.as_ref().unwrap_or(&self.root));
         if std::env::var_os("CARGO_TARGET_DIR").is_some() {
-            // It may be relative to where `cargo xtask` was called.
+            // The variable may be relative to the folder that `cargo xtask` was called from.
             command.env("CARGO_TARGET_DIR", &self.target);
         }
         Ok(command)
@@ -280,7 +281,7 @@ impl Steps {
         }
         for kept in [&output.stdout, &output.stderr] {
             let kept = String::from_utf8_lossy(kept);
-            // Cargo tells programs in JSON what it has made. People need not read it.
+            // Hides cargo's messages in JSON, which are for programs.
             let lines = kept.lines().filter(|line| !line.starts_with(r#"{"reason":"#));
             lines.for_each(|line| eprintln!("{line}"));
         }

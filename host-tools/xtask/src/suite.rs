@@ -72,10 +72,10 @@ fn program(artifact: &str) -> Option<Job> {
     ))
 }
 
-/// Runs all jobs, and gives the number of tests that passed.
+/// Runs all jobs, and returns the number of tests that passed.
 ///
 /// # Errors
-/// Of the job that fails first. Those that run then are waited for, and no other begins.
+/// The error of the job that fails first. Running jobs are waited for, and no other begins.
 pub(crate) fn run(steps: &Steps, mut jobs: Vec<Job>) -> Result<usize, Stop> {
     let rank = |job: &Job| LONG.iter().position(|long| job.title.contains(long));
     jobs.sort_by_key(|job| rank(job).unwrap_or(LONG.len()));

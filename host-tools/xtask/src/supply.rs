@@ -127,7 +127,7 @@ pub(crate) fn check(steps: &Steps) -> Result<(), Stop> {
         steps.announce("advisories are not checked: `cargo deny fetch db` gets their database");
         return Ok(());
     }
-    // As they were when somebody fetched them: a check shall not fail because of the day.
+    // The advisories as last fetched: a check must not fail because of the day.
     let deny = CommandLine::new("cargo deny --locked --offline check --hide-inclusion-graph advisories");
     steps.run("advisories about packages", &deny)
 }

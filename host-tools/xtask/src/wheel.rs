@@ -8,7 +8,7 @@ use crate::suite::Job;
 
 /// Its folder.
 const PACKAGE: &str = "host-tools/python";
-/// Directories of programs that have no Rust among them.
+/// Directories of programs, without Rust.
 const PATH: &str = "/usr/bin:/bin";
 
 /// Builds the wheel, checks its types, installs it in an empty environment, and runs its tests there.
@@ -65,7 +65,8 @@ pub(crate) fn wheel(steps: &Steps) -> Result<(), Stop> {
     Ok(())
 }
 
-/// [`wheel`] among the tests; without the Python that it needs it is skipped, and this says so.
+/// The job that runs [`wheel`] among the tests; without the Python that it needs, `None` and a line that says
+/// so.
 pub(crate) fn job(steps: &Steps) -> Option<Job> {
     if !steps.root.join(steps.built("python/ready")).exists() {
         steps.announce("SKIPPED: the Python package, since there is no Python to build it with");

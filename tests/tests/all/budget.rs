@@ -14,8 +14,8 @@ use stm32f405_qemu::{BlockCost, Cycles, Instructions, Run};
 
 use super::company;
 
-/// A figure may differ from the table by this part of it: the margin for what another build path or commit
-/// name does to the compiler's choices. A gain is a difference too, so that the table stays true.
+/// Relative difference that is allowed between a figure and the table: the effect of another build path or
+/// commit name on the compiler's choices. A gain is a difference too, so that the table stays true.
 const MARGIN: f64 = 0.03;
 /// Margin of cycles that wait for each line of flash: code may be moved within its lines.
 const MARGIN_OF_LINES: f64 = 0.06;
@@ -27,7 +27,7 @@ const SCANS_PER_BLOCK: f64 = 200.0;
 const INSTRUCTIONS: usize = 0;
 const CACHED: usize = 2;
 const MOST: usize = 4;
-/// Row, column, and what is to be less than what.
+/// Row, column, and the upper bound.
 const TARGETS: [(&str, usize, f64); 10] = [
     ("all, while a strike is measured", INSTRUCTIONS, 500.0),
     ("all, in the busiest block", INSTRUCTIONS, 560.0),
@@ -51,7 +51,7 @@ const BUSIEST_OF_ANY: f64 = 617.0;
 /// The host of the row of ten whose strike takes most.
 const BUSIEST_HOST: usize = 10;
 
-/// Set by `cargo xtask numbers`: the page is written instead of held to what was measured.
+/// Set by `cargo xtask numbers`: the page is written instead of compared with the measurement.
 const WRITE: &str = "BEAD_NUMBERS_WRITE";
 
 /// The figures of the tables: name and values of every row whose second cell is a number.
@@ -177,7 +177,7 @@ fn counted(mut machine: Run) -> (u64, Instructions) {
     (scans, outcome.instructions.expect("they are counted"))
 }
 
-/// Instructions, and the four sums of cycles, for each of so many samples.
+/// Instructions, and the four sums of cycles, per sample.
 fn row(instructions: u64, cycles: Option<Cycles>, samples: f64) -> Vec<f64> {
     let cycles = cycles.expect("they are counted");
     [
@@ -243,7 +243,7 @@ fn costs() -> Vec<(&'static str, Vec<f64>)> {
 
 #[test]
 fn what_a_sample_costs_is_what_the_budget_says_and_within_its_targets() {
-    // Many strikes, close together, are what fills the stack.
+    // Many strikes, close together, fill the stack most.
     let stream = paper(20, 0.02, Some(1)).run().unwrap().stream;
     let status = RunFrames::new(stream).status();
     assert_eq!(status.strikes, 20);

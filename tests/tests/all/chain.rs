@@ -1,4 +1,4 @@
-//! Beads of one chain on one strike, on one time: what each takes, and when the wave came to it.
+//! Beads of one chain under one strike, on a common time: what each absorbs, and when the wave came to it.
 
 use std::path::Path;
 use std::slice;
@@ -13,7 +13,7 @@ use bead_tables::whole::Target;
 use bead_tests::{place, solved, timed};
 use hertz_chain::{Scenario, Solution};
 
-/// Within which the beads are switched on, s.
+/// Time within which the beads are switched on, s.
 const START_SPREAD: f64 = 0.05;
 
 /// The paper's row of ten absorbers, with intruders of another mass, kg, and another relaxation, s.
@@ -77,7 +77,8 @@ fn compared(path: &Path, scenario: &Scenario, solution: &Solution) -> RowCompari
     compare(&row, &chain, notes).unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// The start of each bead and its highest force, on the time of the first, are where they were put.
+/// Asserts that the start of each bead and its highest force, on the clock of the first, are where they were
+/// put.
 fn assert_on_one_time(clocks: &ClockComparison, ran: &[(Emulation, Ran)], solution: &Solution) {
     let truth = |place: &RecordedBoot| {
         let is =
@@ -110,12 +111,13 @@ fn assert_on_one_time(clocks: &ClockComparison, ran: &[(Emulation, Ran)], soluti
         worst[0], worst[1]
     );
     assert_eq!((clocks.alignments.len(), clocks.strikes.len()), (9, 10));
-    // Two clocks of the timer that takes the edges, and what a parabola through the samples leaves.
+    // The former is below two clocks of the timer that takes the edges, the latter below the error of a
+    // parabola.
     assert!(worst[0] < 2.0 / 84e6 && worst[1] < 5e-7, "{worst:?}");
 }
 
 /// Ten beads at hosts 7 to 16: transmissions within 0.002 by A and 0.005 by B, arrivals to 0.2 µs rms, all
-/// replays identical. Gives the runs, and what comes of them.
+/// replays identical. Returns the runs and their comparison.
 fn assert_tells(scenario: &Scenario, solution: &Solution) -> (Vec<(Emulation, Ran)>, RowComparison) {
     let ran = run(scenario, solution, &placed());
     let folder = tempfile::tempdir().unwrap_or_else(|error| panic!("{error}"));
@@ -169,8 +171,8 @@ fn ten_beads_on_one_strike_tell_what_each_takes_and_when_it_came_on_any_number_o
     let scenario = row(2.7e-3, 0.0);
     let solution = solved(&scenario);
     let (ran, told) = assert_tells(&scenario, &solution);
-    // They are light, and leave one another alone: the paper's E(n), of rows with n intruders each, is that
-    // of the beads.
+    // The intruders are light, and do not affect one another: the paper's E(n), of rows with n intruders
+    // each, is that of the beads.
     for after in &told.energy.after {
         let left = after.left;
         assert!((left.by_a - left.rows_of_n).abs() < 0.003, "{after:?}");

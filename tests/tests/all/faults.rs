@@ -55,8 +55,8 @@ impl Survived {
         pin.map_or(0, |pin| pin.edges)
     }
 
-    /// The last strike is measured as any other: no flag, replayed bit for bit, of the samples that were put
-    /// in, A and B within their usual error.
+    /// Asserts that the last strike is measured as any other: no flag, replayed bit for bit, of the samples
+    /// that were put in, A and B within their usual error.
     fn assert_last_strike_is_measured(&self) {
         let strike = self
             .strikes
@@ -95,7 +95,7 @@ impl Survived {
         }
     }
 
-    /// Every frame that the bead made came, or was counted by it as dropped.
+    /// Asserts that every frame that the bead made came, or was counted by it as dropped.
     fn assert_every_frame_is_accounted_for(&self) {
         let status = self.received.status();
         let dropped = status.frames_dropped_queue_full + status.frames_dropped_too_long;
@@ -113,7 +113,7 @@ fn sound() -> Health {
     }
 }
 
-/// Another instruction at the begin of a function of the image, ns after power-up.
+/// Another instruction at the start of a function of the image, ns after power-up.
 fn replaced(function: &str, at_ns: u64, instruction: [u8; 2]) -> Poke {
     // The lowest bit of the address stands for Thumb.
     let address = symbol(&[function]).0 & !1;
@@ -165,7 +165,7 @@ fn an_adc_overrun_costs_an_epoch_is_counted_and_a_later_strike_is_measured_at_it
     assert_eq!((status.overruns, status.epoch, status.strikes), (1, 1, 1));
     assert_eq!(survived.received.causes(), [FaultCause::AdcOverrun]);
     assert_eq!(survived.received.last::<Health>(), sound());
-    // Put out at first; one flash at once, one at 1 s.
+    // Switched off at first; one flash at once, one at 1 s.
     assert_eq!(survived.light(), 1 + 2 * 2);
 }
 
@@ -206,7 +206,7 @@ fn a_power_cut_is_told_by_the_reset_cause_alone_and_a_later_strike_is_measured()
     assert_eq!(causes, [ResetCause::PowerCut]);
     survived.assert_last_strike_is_measured();
     survived.assert_every_frame_is_accounted_for();
-    // RAM that is noise is not taken for a trace.
+    // Random contents of RAM are not taken for a trace.
     assert_eq!(survived.received.causes(), []);
     // The first frame after a reset.
     let opening = |frame: &&Frame| frame.header.sequence == 0;
@@ -224,7 +224,7 @@ fn a_sensor_that_is_stuck_to_the_end_stands_in_the_health_frame_and_flags_strike
     let survived = Survived::new(timing, faults_at(&[(0.05, "acceleration_stuck")]));
     assert_eq!(survived.received.causes(), [FaultCause::AccelerationStuck]);
     let flags: Vec<StrikeFlags> = survived.strikes.iter().map(|strike| strike.said.flags).collect();
-    // A stuck accelerometer feels nothing absorbed.
+    // A stuck accelerometer measures no absorbed energy.
     let after = StrikeFlags::SENSOR_FAULT.with(StrikeFlags::ESTIMATES_DIFFER);
     assert_eq!(
         flags,
@@ -235,7 +235,7 @@ fn a_sensor_that_is_stuck_to_the_end_stands_in_the_health_frame_and_flags_strike
         survived.received.last::<Health>().standing,
         Standing::ACCELERATION_STUCK
     );
-    // Put out at first; one flash at once, three at 1 s.
+    // Switched off at first; one flash at once, three at 1 s.
     assert_eq!(survived.light(), 1 + 2 * (1 + 3));
 }
 
@@ -328,8 +328,7 @@ fn a_port_that_never_comes_back_is_given_up_by_the_bead_itself_which_says_so() {
         survived.received.details()
     );
     assert_eq!(survived.received.boots()[1], (1, SOFTWARE));
-    // Frames that were made at 1 s, and could not leave: identity, board, settings, status, health, link,
-    // guard.
+    // Frames made at 1 s, which could not leave: identity, board, settings, status, health, link, guard.
     assert_eq!(survived.received.last::<Health>().frames_lost_by_reset, 7);
 }
 
@@ -375,8 +374,8 @@ fn the_stack_that_was_never_used_is_counted_to_the_word() {
         let survived = Survived::poked(strike_at(0.02), vec![], pokes);
         survived.received.status().stack_free_min
     };
-    // Words that the stack does not use at that time are written, down to this one and none of them further
-    // from the next than the fence is wide: as if the stack had been there.
+    // Writes words that the stack does not use at that time, down to this one and less than a fence apart, as
+    // if the stack had been there.
     let down_to = |address: u32| -> Vec<Poke> {
         let way = (address..START - 5_000).step_by(1_000);
         way.map(|address| Poke {

@@ -21,7 +21,7 @@ fn sent(received: &RunFrames, boot: u8, strike: u32) -> Vec<Message> {
     settings.into_iter().chain(of_strike).cloned().collect()
 }
 
-/// The frames that came again of a strike, in the order in which they came.
+/// The frames of a strike that were sent again, in the order in which they came.
 fn fetched(received: &RunFrames, boot: u32, strike: u32) -> Vec<Message> {
     let of_strike = |frame: &&Fetched| (frame.boot, frame.strike) == (boot, strike);
     let frames: Vec<&Fetched> = received.all().filter(of_strike).collect();

@@ -1,4 +1,4 @@
-//! A bead with a key, and without a crystal. The tests of `bead-app` have what it does and refuses.
+//! A bead with a key, and without a crystal. The tests of `bead-app` cover what it does and refuses.
 
 use crate::store::{STORE_ADDRESS, STORE_RANGE, StoreFlash};
 use bead_store::{Secret, Store, Vault};

@@ -8,14 +8,14 @@ use bead_tests::paper;
 use bead_wire::{ANY, MAX_REQUEST, Message, Outcome, Request, encode_request};
 use stm32f405_qemu::{Inputs, Uart};
 
-/// Lets the bead's time go on, with these bytes at its port: the bytes that it sends.
+/// Lets the bead's time go on, with these bytes at its port, and returns the bytes that it sends.
 fn pass(bridge: &mut Bridge, bytes: &[u8], time: Duration) -> Vec<u8> {
     let sent = bridge.pass(bytes, time);
     sent.unwrap_or_else(|failure| panic!("{failure}"))
 }
 
-/// Asks a live bead once in `every` for its status, and gives how often the emulator was called for each
-/// request.
+/// Asks a live bead for its status once in each `every`, and returns the number of calls of the emulator for
+/// each request.
 fn asked(times: u16, every: Duration) -> Vec<u64> {
     let run = paper(1, 0.1, Some(1));
     let mut bridge = Bridge::new(&run, None).unwrap_or_else(|failure| panic!("{failure}"));
@@ -91,7 +91,7 @@ fn a_live_bead_says_what_it_says_in_a_run_at_once_to_the_nanosecond() {
     let rows = std::mem::take(&mut machine.stimulus);
     let mut live = machine.start().unwrap_or_else(|failure| panic!("{failure}"));
     let mut said = Uart::default();
-    // Stops that are not those of any block, more of them while the strike is measured.
+    // Stops that are not at block boundaries, more of them while the strike is measured.
     let mut rows = rows.chunks(8192);
     while live.now_ns() < whole.virtual_ns {
         let step = if live.now_ns() < 60_000_000 {

@@ -25,7 +25,7 @@ use stm32f405_qemu::{AnalogWire, Fault, FaultKind, Poke, Run};
 
 /// Address of the bead. Without one, every request that changes its state would wait for other beads.
 const BEAD: u8 = 0;
-/// Codes rms of an input, as `bead emulate` has it at the end of a wire.
+/// Noise of an input, codes rms, as `bead emulate` has it at the end of a wire.
 const NOISE: f64 = 0.4;
 
 /// A fault of the line between host and bead.
@@ -34,9 +34,9 @@ enum LineFault {
     None,
     /// Bytes that are no request come before the first request for kept strikes.
     Noise,
-    /// That request does not come through.
+    /// The first request for kept strikes gets lost.
     Swallowed,
-    /// The bead's energy has another last bit.
+    /// The bead's energy differs in its last bit.
     OtherBit,
     /// The bead says that it was reset by its pin, where its watchdog did it.
     OtherCause,
@@ -76,7 +76,7 @@ impl Setup {
         }
     }
 
-    /// One whose wire to the force, or to the acceleration, is changed.
+    /// A setup with a change in the wire to the force, or to the acceleration.
     fn wired(to: usize, change: impl FnOnce(&mut AnalogWire)) -> Self {
         let mut setup = Self::right();
         change(&mut setup.wires[to]);
@@ -185,7 +185,7 @@ fn pass_on(host: UnixStream, its: &Path, fault: LineFault) {
     });
 }
 
-/// The bytes of a frame, or those of another one.
+/// The bytes of a frame, or those that the fault makes of it.
 fn changed(frame: Option<bead_wire::Frame>, bytes: Vec<u8>, fault: LineFault) -> Vec<u8> {
     let Some(bead_wire::Frame { header, message, .. }) = frame else {
         return bytes;
@@ -213,7 +213,7 @@ fn verdicts(report: &BenchReport, verdict: CheckVerdict) -> Vec<&str> {
     rows.map(|row| &*row.check).collect()
 }
 
-/// A fault since power-up, s.
+/// A fault at this time since power-up, s.
 fn fault(at: f64, kind: FaultKind) -> Setup {
     Setup::changed(move |run| run.faults.push(Fault::after_power_up((at * 1e9) as u64, kind)))
 }
@@ -254,7 +254,7 @@ fn faults() -> Vec<(&'static str, Setup)> {
         }),
         ("strike, replay", Setup::on_line(LineFault::OtherBit)),
         ("strike, values", Setup::wired(1, |wire| wire.lag_ns = 60_000)),
-        // The second strike of the train: the first has its triggers up to some 350.
+        // Misses in the second strike of the train: the first one ends at trigger 350 or so.
         (
             "train",
             Setup::changed(|run| run.dac_misses = (362..382).collect()),
@@ -314,7 +314,7 @@ fn each_fault_fails_the_check_that_is_for_it_and_no_other() {
         "the former has a test of its own, the latter no bound"
     );
     let wrong = |(check, mut setup): (&str, Setup)| {
-        // They take half of the time, and what is at fault before does not come to them.
+        // These take half of the time, and no earlier fault affects them.
         setup.resets = ["settings", "watchdog"].contains(&check);
         let report = setup.report();
         let failed = verdicts(&report, CheckVerdict::Failed);
@@ -339,7 +339,7 @@ fn wires_that_are_missing_or_exchanged_are_named_and_what_needs_none_is_checked_
         (&[("PA4", "PA0"), ("PA4", "PA2")], "PA2 follows PA4"),
     ] {
         let mut setup = Setup::right();
-        // A wire that leads nowhere of use, so that there are no sensors.
+        // A wire to an unused pin, so that there are no sensors.
         setup.wires = wires(&[pairs, &[("PA4", "PC0")]].concat());
         setup.resets = false;
         let report = setup.report();
@@ -375,8 +375,8 @@ fn what_is_played_has_settled_when_it_is_converted_and_no_register_is_touched_th
     assert_eq!(of_dac, None);
 }
 
-/// Numbers that a run of another build repeats within these parts, or these absolute differences where they
-/// are near 0; `error` is the standard error that a row states of them.
+/// Returns `true` if a run of another build repeats a number: within a relative difference, or an absolute
+/// one near 0. `error` is the standard error that a row states of it.
 fn agrees(one: f64, other: f64, error: f64) -> bool {
     (one - other).abs() <= 0.05 + 0.05 * one.abs().max(other.abs()) + 7.0 * error
 }

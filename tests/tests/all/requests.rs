@@ -32,7 +32,7 @@ fn flooded(bytes: impl Fn(&mut TestRng) -> Vec<u8>) -> RequestsRun {
     requests.run()
 }
 
-/// Nothing that the host sent made a difference to the strikes, or to any frame of the bead's own.
+/// Asserts that the host's bytes affected neither the strikes nor the frames that the bead sends by itself.
 fn assert_undisturbed(answered: &RequestsRun) {
     let strikes = answered.received.strikes();
     assert_eq!(strikes.len(), 2);
@@ -65,10 +65,10 @@ fn rejected(link: &Link) -> u32 {
 
 #[test]
 fn a_flood_at_full_rate_changes_no_bit_and_a_request_behind_it_is_done() {
-    // Whole in every way but that the kind is none: each is owed a reply.
+    // Intact, but of an unknown kind: each is owed a reply.
     let unknown = bead_testing::framed(&[bead_wire::VERSION, 99, 1, 0, ANY]).repeat(100);
     type Flood<'a> = &'a dyn Fn(&mut TestRng) -> Vec<u8>;
-    // Requests are refused, or they are more than the receiver holds while it replies.
+    // The requests are refused, or are more than the receiver holds while it replies.
     let floods: [(Flood<'_>, std::ops::Range<u32>, bool); 4] = [
         (
             &|random| {

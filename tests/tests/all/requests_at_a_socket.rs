@@ -37,8 +37,8 @@ impl Served<'_> {
         self.folder.join(name)
     }
 
-    /// Runs a command line to its end, where `@name` stands for a file in the folder: its exit status and the
-    /// line on standard error.
+    /// Runs a command line to its end, where `@name` stands for a file in the folder. Returns its exit status
+    /// and the line on standard error.
     fn run(&self, line: &str) -> (u8, String) {
         self.type_in(&format!("{line} --timeout 20"))
     }

@@ -1,5 +1,5 @@
-//! Settings over the link: in force from the next strike on and after a reset. The tests of `bead-app` have
-//! what is refused, those of `bead-store` the power cuts.
+//! Settings over the link: in force from the next strike on and after a reset. The tests of `bead-app` cover
+//! refusals, those of `bead-store` the power cuts.
 
 use crate::store::{STORE_RANGE, StoreFlash};
 use bead_bench::emulation::Emulation;
@@ -12,7 +12,7 @@ use bead_wire::{Health, Message, Outcome, Request, Settings, SettingsSource, Str
 /// RCC_CSR bits 31..24 (RM0090 section 7.3.21).
 const SOFTWARE: u8 = 1 << 4 | 1 << 2;
 
-/// The settings of a run with windows of so many samples.
+/// The settings of a run with windows of this many samples.
 fn windows_of(run: &Emulation, length: u16) -> Vec<u8> {
     let settings = run
         .settings
@@ -20,7 +20,7 @@ fn windows_of(run: &Emulation, length: u16) -> Vec<u8> {
     block(&settings.unwrap_or_else(|error| panic!("{error}")))
 }
 
-/// The blocks that the bead told, each once in a row.
+/// The blocks that the bead sent, without repeats in a row.
 fn told(received: &RunFrames) -> Vec<&[u8]> {
     let mut blocks: Vec<_> = received
         .all::<Settings>()

@@ -1,4 +1,4 @@
-//! Hours of sparse strikes in one run: counts, memory and time are at the end as they should be.
+//! Hours of sparse strikes in one run: counts, memory and time are right at the end.
 
 use std::time::Duration;
 

@@ -11,8 +11,8 @@ const FENCE: u32 = 8192;
 /// 2.3.7).
 const EXCEPTION_FRAME: u32 = 104;
 
-/// By how many bytes an instruction lowers the stack pointer, and how many halfwords it has (ARMv7-M ARM,
-/// sections A7.7.101 PUSH, A7.7.176 SUB, A7.7.249 VPUSH; A5.3.2 for constants).
+/// Bytes by which an instruction lowers the stack pointer, and its length in halfwords (ARMv7-M ARM, sections
+/// A7.7.101 PUSH, A7.7.176 SUB, A7.7.249 VPUSH; A5.3.2 for constants).
 fn lowers([first, second]: [u16; 2]) -> (u32, usize) {
     let words = |count: u32| 4 * count;
     let destination_is_sp = second >> 8 & 0xF == 13 && second & 0x8000 == 0;

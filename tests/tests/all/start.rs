@@ -23,8 +23,8 @@ fn quiet() -> Requests {
     requests
 }
 
-/// The run of three strikes with a fault, and each strike: the index of its first scan less the row of the
-/// stimulus that this scan read, which must be the same for all.
+/// Runs three strikes with a fault. Returns the faults reported and, for each strike, the index of its first
+/// scan less the row of the stimulus that this scan read, which must be the same for all.
 fn indices(fault: Fault) -> (Vec<(FaultCause, String)>, Vec<u64>) {
     let mut machine = paper(3, 0.1, Some(1)).machine();
     machine.faults.push(fault);
@@ -49,8 +49,8 @@ fn indices(fault: Fault) -> (Vec<(FaultCause, String)>, Vec<u64>) {
     (faults.collect(), received.strikes().iter().map(offset).collect())
 }
 
-/// The codes of a strike are of the trigger that its index says: row 0 is what the first trigger finds that
-/// makes a scan. A trigger that is missed later ends the epoch.
+/// The index of a strike is that of the trigger that sampled its codes: row 0 belongs to the first trigger
+/// that makes a scan. A trigger that is missed later ends the epoch.
 #[test]
 fn a_scan_more_or_less_than_there_are_triggers_is_told_and_every_strike_has_its_true_index() {
     let corrected = (
@@ -76,8 +76,8 @@ fn a_scan_more_or_less_than_there_are_triggers_is_told_and_every_strike_has_its_
     }
 }
 
-/// Longest stretch without interrupts, in cycles: 10 µs. The processor takes up a block, an edge or a byte
-/// later by this at most. It is a copy of the settings.
+/// Longest stretch without interrupts, in cycles: 10 µs, the most by which a block, an edge or a byte waits.
+/// A copy of the settings takes this long.
 const MASKED: u64 = 1680;
 
 #[test]
@@ -118,7 +118,7 @@ fn nothing_is_erased_before_a_slow_supply_has_been_good_for_a_while() {
     /// When the supply passes the detector's upper threshold, 3.03 V.
     const RISEN: u64 = RISE * 3030 / 3300;
     let mut requests = quiet();
-    // Two sectors of what is no block: a start has to erase both.
+    // Two sectors of data that is not a block: a start has to erase both.
     requests
         .machine
         .flash
@@ -135,7 +135,7 @@ fn nothing_is_erased_before_a_slow_supply_has_been_good_for_a_while() {
 #[test]
 fn the_clock_stands_still_while_a_sector_is_erased() {
     let mut requests = quiet();
-    // One sector is full of what is no block.
+    // One sector is full of data that is not a block.
     requests
         .machine
         .flash
@@ -155,8 +155,8 @@ fn the_clock_stands_still_while_a_sector_is_erased() {
         [],
         "a start that takes seconds is no hang"
     );
-    // Two of the turns of the time driver's timer would be counted at most. The clock begins after the supply
-    // has been good, with the processor at 16 MHz, and what sends the first status lags by a block.
+    // At most two turns of the time driver's timer would be counted. The clock begins after the supply has
+    // been good, with the processor at 16 MHz, and what sends the first status lags by a block.
     let first = answered.outcome.sampling.expect("it samples").first_ns;
     let status = answered.received.status();
     let missed = first / MS + status.samples / 100 - status.uptime_ms;
@@ -291,7 +291,7 @@ fn without_samples(mut requests: Requests, cause: FaultCause, standing: Standing
     assert_eq!(answered.received.last::<Health>().standing, standing);
     let status = answered.received.status();
     assert_eq!((status.samples, status.armed), (0, false));
-    // It tells once a second, and the watchdog lets it.
+    // The bead reports it once a second, and the watchdog does not reset it.
     assert!(status.uptime_ms >= 3000, "{} ms", status.uptime_ms);
 }
 
@@ -318,7 +318,7 @@ fn a_crystal_that_swings_again_is_taken_up_after_two_seconds_of_it() {
     for (at, kind) in [
         (0, FaultKind::CrystalStops),
         (1_000 * MS, FaultKind::CrystalStarts),
-        // Too short a swing is none.
+        // Too short an oscillation does not count.
         (2_000 * MS, FaultKind::CrystalStops),
         (2_200 * MS, FaultKind::CrystalStarts),
     ] {
@@ -351,7 +351,7 @@ fn a_start_that_hangs_is_ended_by_the_watchdog() {
         .collect();
     assert!(!hangs.is_empty());
     requests.machine.pokes = hangs;
-    // As much virtual time for an instruction as there can be: it waits for half a minute.
+    // The longest virtual time for an instruction, as the run waits for half a minute.
     requests.machine.shift = Some(10);
     requests.machine.sampling_deadline_ns = 40_000 * MS;
     let outcome = execute(&requests.machine);

@@ -82,7 +82,7 @@ fn a_pin_that_floats_costs_no_sample_and_a_hundred_frames_a_second() {
     let edges = edges(&noisy);
     assert!((90..=101).contains(&edges.len()), "{}", edges.len());
     assert!(edges.last().unwrap().missed as usize >= edges.len() - 2);
-    // Each that is told is one that came.
+    // Each reported edge is one that came.
     for edge in &edges {
         let at = (clocks(edge) - PERIOD) as f64 / CLOCKS;
         let nearest = storm.iter().map(|edge| (at - edge).abs()).fold(1.0, f64::min);

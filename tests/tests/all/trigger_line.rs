@@ -8,7 +8,7 @@ use bead_testing::block;
 use bead_tests::{RunFrames, paper, place, scenario, solved, timed};
 use bead_wire::{FaultCause, StrikeFlags};
 
-/// No force rises by so many codes in this row.
+/// Threshold in codes that no force in this row reaches.
 const DEAF: u16 = 4000;
 
 /// A bead whose threshold nothing reaches.
@@ -59,7 +59,7 @@ fn a_bead_below_its_threshold_keeps_the_window_around_the_strike_of_another() {
             far.said
         );
         assert_eq!(replay(far).first_difference, None);
-        // Both tell one instant, on the time that they share.
+        // Both report one instant, on their common time.
         let instant = |n: usize, strike: &RecordedStrike| {
             let truth = &ran[n].0.truth;
             let since = (strike.said.trigger_index as f64 - 1.0) / (100e3 * (1.0 + truth.clock_ppm * 1e-6));
@@ -111,7 +111,7 @@ fn touch_on_the_line_opens_no_window_and_one_that_is_held_low_is_told_once_and_c
     let received = RunFrames::new(ran.stream.clone());
     assert_eq!(received.causes(), [FaultCause::TriggerLineLow]);
     let said = |ran: &Ran| strikes(ran).iter().map(|strike| strike.said).collect::<Vec<_>>();
-    // The fall itself is an edge like any other: what there is at 0.2 s is kept, and then never again.
+    // The fall is an edge like any other: a window is kept at 0.2 s, and then none.
     let (said, alone) = (said(&ran), said(&alone));
     assert_eq!(said.len(), 3);
     assert!(said[1].flags.has(StrikeFlags::TRIGGERED_BY_LINE));

@@ -52,7 +52,7 @@ fn manifest(board: &str) -> [u8; MANIFEST] {
     manifest.signed(&DEVELOPMENT_SEED).expect("its names are short")
 }
 
-/// A run of a bead without a strike, of so many seconds.
+/// A run of a bead without a strike, of this many seconds.
 fn quiet(seconds: f64) -> Requests {
     let mut requests = Requests::new(&paper(0, 0.1, Some(1)));
     requests.machine.count_instructions = false;

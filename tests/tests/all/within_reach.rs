@@ -1,5 +1,5 @@
-//! No settings that a bead takes, no strikes and no input leave one that does not answer: the image in QEMU.
-//! `any_settings.rs` tries thousands on a model of it.
+//! A bead answers whatever its settings, its strikes and its input: the image in QEMU. `any_settings.rs`
+//! tries thousands on a model of it.
 
 use bead_model::Settings;
 use bead_testing::{any_settings, block, bodies, write};
@@ -17,7 +17,7 @@ fn struck(seconds: f64, every: usize) -> Requests {
     let noise = paper(0, 0.1, Some(2)).machine().stimulus;
     let mut requests = Requests::new(&paper(0, 0.1, Some(1)));
     requests.machine.count_instructions = false;
-    // From the striker's touch on.
+    // From the touch of the striker.
     let strike = &strike[2000..];
     requests.machine.stimulus = (0..(seconds * 100e3) as usize)
         .map(|at| match at.checked_rem(every) {
@@ -51,7 +51,7 @@ fn triggered_by_noise(settings: &Settings) -> Settings {
         bead.capture.lookback = 1e-5;
         bead.capture.history = 128e-5;
         bead.capture.length = 1024e-5;
-        // They do not state the noise that there is.
+        // Settings that leave out the noise that there is.
         bead.force.noise = 0.0;
     });
     noisy.unwrap_or_else(|error| panic!("{error}"))
@@ -129,14 +129,14 @@ fn after_any_valid_settings_a_bead_is_disarmed_within_a_second() {
         assert_eq!(answered.received.status().overruns, 0);
     }
     println!("slowest reply {worst:.3} s; {triggers} strikes triggered");
-    // To arm takes a quiet of history and lookback.
+    // Arming takes a quiet of history and lookback.
     assert!(triggers > 50, "{triggers}");
 }
 
 #[test]
 fn five_boots_that_fail_within_a_second_bring_the_built_in_settings_and_a_reboot_the_owners() {
     let mut requests = struck(3.6, 0);
-    // The boot that runs for a second and a half is none of those that fail at once.
+    // The boot that runs for a second and a half does not count as one that fails at once.
     let faults = [0.05, 0.15, 0.25, 0.35, 1.9, 2.0, 2.1, 2.2, 2.3];
     let mut run = paper(0, 0.1, Some(1));
     run.faults = faults_at(&faults.map(|at| (at, "hard_fault")));

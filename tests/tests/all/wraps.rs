@@ -1,9 +1,8 @@
-//! Numbers that grow for as long as a bead is on: past 2^32, hours and days are seconds.
+//! Counters that grow while a bead is on, run past 2^32: hours and days take seconds.
 //!
 //! # Design
-//! The image has no way to begin a count elsewhere. So the emulator writes into its variables. Which word of
-//! a variable holds the number is found by trying: the layout is the compiler's. The word of today is tried
-//! first.
+//! The image cannot begin a count elsewhere, so the emulator writes into its variables. Trying finds the word
+//! of a variable that holds the number, since the layout is the compiler's. The word of today is tried first.
 
 use std::fs;
 
@@ -15,9 +14,10 @@ use bead_wire::{FaultCause, Status, StrikeFlags};
 use object::{Object, ObjectSymbol};
 use stm32f405_qemu::{Outcome, Poke};
 
-/// When the word is written, ns since power-up: the image samples, and nothing has struck it yet.
+/// Time at which the word is written, ns since power-up: the image samples, and nothing has struck it yet.
 const RUNNING_NS: u64 = 60_000_000;
-/// While the image waits for its supply: its variables have their first values, and the time has not begun.
+/// The same while the image waits for its supply: its variables have their first values, and the time has not
+/// begun.
 const STARTING_NS: u64 = 10_000_000;
 
 /// A run with three strikes, the first 60 ms after the first scan.
@@ -36,8 +36,8 @@ pub(crate) fn symbol(parts: &[&str]) -> (u32, u32) {
     (symbol.address() as u32, symbol.size() as u32)
 }
 
-/// Runs the image with `value` in that word of a variable of which `shows` says that it is the right one. The
-/// word at `today` is tried first.
+/// Runs the image with `value` in the word of a variable that `shows` finds to be the right one. The word at
+/// `today` is tried first.
 fn written(
     parts: &[&str],
     today: u32,
@@ -65,7 +65,7 @@ fn written(
     panic!("no word of {parts:?} is the number");
 }
 
-/// All three are measured as without the jump: no flag, the same bits in replay, A within 0.2 %.
+/// Asserts that all three are measured as without the jump: no flag, the same bits in replay, A within 0.2 %.
 fn assert_measured(emulation: &Emulation, strikes: &[RecordedStrike]) {
     assert_eq!(strikes.len(), 3);
     for strike in strikes {
@@ -117,7 +117,7 @@ fn samples_are_numbered_past_2_to_the_32() {
             .map_or(0, |frame| frame.header.sample_index);
         (PAST..PAST + 1_000_000).contains(&last)
     });
-    // The jump is a gap as any other: told, in a new epoch, no strike of which is lost.
+    // The jump is a gap like any other: reported, in a new epoch, no strike of which is lost.
     assert_eq!(received.causes(), [FaultCause::AdcOverrun]);
     let starts = emulation.truth.starts.clone();
     let strikes = assemble(received.frames, Some(emulation.settings));

@@ -34,7 +34,7 @@ const TYPICAL: FactoryCodes = FactoryCodes {
     temperatures: [959, 1207],
 };
 
-/// Number of the first scan of a strike that [`TestBead::strike`] makes, after the call.
+/// First scan of a strike that [`TestBead::strike`] makes, counted from the call.
 const STRUCK: u64 = 250;
 
 /// Flash that outlives a reset.
@@ -304,7 +304,7 @@ fn settings_with(change: impl FnOnce(&mut Description)) -> Vec<u8> {
     block(&paper_settings().with(change).expect("it is valid"))
 }
 
-/// The paper's settings with windows of so many samples.
+/// The paper's settings with windows of this many samples.
 pub(crate) fn windows_of(length: u16) -> Vec<u8> {
     settings_with(|bead| bead.capture.length = f64::from(length) * 1e-5)
 }
@@ -350,7 +350,7 @@ impl TestBead {
         Self::start(StartState::default())
     }
 
-    /// A bead with this in the sector of the probe.
+    /// A bead with these bytes in the sector of the probe.
     pub(crate) fn probed(probe: Vec<u8>) -> Self {
         Self::start(StartState {
             probe,
@@ -458,7 +458,7 @@ impl TestBead {
         self.running.bead.count_received(&self.decoder.take_counters());
     }
 
-    /// Asks for something: what comes back, the reply at the end. It comes within 0.3 s.
+    /// Sends a request, and returns the messages before its reply, and the reply, which comes within 0.3 s.
     pub(crate) fn ask(&mut self, request: &Request) -> (Vec<Message>, Reply) {
         let number = self.next_number;
         self.next_number += 1;
@@ -492,18 +492,18 @@ impl TestBead {
         self.answer(request).0
     }
 
-    /// The outcome of a request that is signed with the key of this byte.
+    /// The outcome of a request that is signed with a key made of this byte.
     pub(crate) fn signed(&mut self, request: &Request, key: u8, ticket: Ticket) -> Outcome {
         let key = Key::new([key; 16]).expect("it is not zero");
         self.outcome(&request.signed(&key, &UID, ANY, self.next_number, ticket))
     }
 
-    /// Lets the image on trial check itself. Gives the text in which it ended: of a reset, or a panic.
+    /// Lets the image on trial check itself. Returns the text of the reset or panic that ends it.
     pub(crate) fn end_trial(&mut self) -> Option<String> {
         Self::ended(self.commands.end_trial(), &mut self.running)
     }
 
-    /// Looks whether an update is idle. Gives the text in which it ended.
+    /// Lets the bead check for an idle update. Returns the text of the reset that ends it, if any.
     pub(crate) fn end_idle_update(&mut self) -> Option<String> {
         Self::ended(self.commands.end_idle_update(), &mut self.running)
     }
@@ -522,7 +522,7 @@ impl TestBead {
         text.or_else(|| panic.downcast_ref::<&str>().map(|text| (*text).to_owned()))
     }
 
-    /// Asks for a reboot, and starts again when it came.
+    /// Asks for a reboot, and starts again after it.
     pub(crate) fn reboot(mut self, request: &Request) -> Self {
         let asked = catch_unwind(AssertUnwindSafe(|| self.ask(request)));
         assert!(
@@ -533,7 +533,7 @@ impl TestBead {
         self.restart(1 << 4 | 1 << 2)
     }
 
-    /// Strikes the bead, and runs until the window is over. Gives the results.
+    /// Strikes the bead, and runs until the window is over. Returns the results.
     pub(crate) fn strike(&mut self) -> Vec<Strike> {
         self.running.strike()
     }
@@ -657,7 +657,7 @@ impl RunningBead {
         blocks
     }
 
-    /// Frames that were made and never came.
+    /// Number of frames that the bead made and that never arrived.
     pub(crate) fn lost(&self) -> u64 {
         self.stream.counters().lost
     }

@@ -12,7 +12,7 @@ const POWER_ON: u8 = 1 << 3;
 const SOFTWARE: u8 = 1 << 4;
 const WATCHDOG: u8 = 1 << 5;
 
-/// The record after boots with these resets behind them; each that a fault ended says so.
+/// The record after boots with these ends: a fault, or `None` for a reset without one.
 fn after(ends: &[Option<FaultCause>]) -> BootRecord {
     let (_, mut record) = BootRecord::begin(None, FramesWaiting::new(0), POWER_ON);
     for (boot, end) in (0..).zip(ends) {
@@ -60,7 +60,7 @@ fn a_fault_that_ends_a_boot_is_told_at_the_next_and_with_each_identity_after_it(
 fn a_reset_by_the_watchdog_is_a_fault_and_one_by_power_forgets_all() {
     let (boot, _) = BootRecord::begin(after(&[]).checked(), FramesWaiting::new(0), WATCHDOG);
     assert_eq!(boot.ended_by.map(|ended| ended.cause), Some(FaultCause::Watchdog));
-    // One that wrote its record before it was reset by the watchdog has its own cause.
+    // A boot that wrote its record before the watchdog reset it keeps its own cause.
     let mut record = after(&[]);
     record.end(0, FaultCause::Panic, 0, "it failed");
     let (boot, _) = BootRecord::begin(record.sealed().checked(), FramesWaiting::new(0), WATCHDOG);
@@ -87,7 +87,7 @@ fn a_boot_that_is_proven_is_no_failed_one() {
 
 #[test]
 fn a_task_that_hangs_is_named() {
-    /// Counts after a check in which all went on.
+    /// Advances the counts as in a time in which all tasks made progress.
     fn gone_on(c: &mut BeadCounters) {
         c.samples += 25_000;
         c.blocks_handed_on += 125;

@@ -1,4 +1,4 @@
-//! Supply and temperature: measured while no strike is, told with each strike, and held against the settings.
+//! Supply and temperature: measured between strikes, sent with each strike, and compared with the settings.
 
 use bead_model::design::Supply;
 use bead_wire::{Conditions, Shape, StrikeFlags};
@@ -58,8 +58,7 @@ fn each_strike_has_supply_and_temperature_and_is_flagged_beyond_a_third_of_a_per
 
 #[test]
 fn a_supply_that_was_never_measured_is_no_zero_and_flags_strikes_of_a_calibrated_bead() {
-    // Words of flash that is erased, codes of a converter that hangs, and a temperature sensor without
-    // points.
+    // Erased words, the codes of a converter that hangs, and a temperature sensor without calibration points.
     type Break = fn(&mut TestBead);
     let breaks: [Break; 3] = [
         |bead| {

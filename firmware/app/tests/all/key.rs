@@ -31,7 +31,7 @@ fn secret(flash: &SharedFlash) -> Option<([u8; 16], u64)> {
     vault.secret().map(|secret| (secret.key, secret.counter))
 }
 
-/// For any time in boot 0.
+/// A ticket for any time in boot 0.
 fn ticket(counter: u64) -> Ticket {
     Ticket {
         counter,
@@ -114,8 +114,8 @@ fn a_request_is_done_once_in_time_and_in_its_boot_also_after_a_reset_and_after_a
         }
         let mut bead = bead.restart(if power { 1 << 3 } else { 1 << 4 });
         let boot = u32::from(!power);
-        // Earlier requests are sent again, with the boot of then and of now. One write to flash covers 64
-        // counters from the first on.
+        // Earlier requests are sent again, with the number of their boot and of this one. One write to flash
+        // covers 64 counters from the first on.
         for (counter, boot, outcome) in [
             (41, 0, Outcome::Replayed),
             (42, boot, Outcome::Replayed),

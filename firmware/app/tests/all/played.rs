@@ -9,8 +9,8 @@ use bead_wire::{Image, Message, Outcome, Played, Raw, Request, Strike, StrikeFla
 
 use crate::bead::{TestBead, quiet, struck};
 
-/// A bead whose outputs lead to its inputs, by wires with some noise; without them its inputs are quiet. It
-/// is struck at the scan that the cell has.
+/// A bead whose outputs are wired to its inputs, with some noise. While the outputs are off, its inputs are
+/// quiet, or struck at the scan in the cell.
 fn wired() -> (TestBead, Rc<RefCell<Option<u64>>>) {
     let mut bead = TestBead::new();
     let hardware = bead.running.hardware;
@@ -141,7 +141,7 @@ fn the_image_is_told_by_its_length_and_its_checksum() {
     let (mut bead, _) = wired();
     let (said, _) = bead.ask(&Request::Image);
     let image: &Image = bodies(&said).next().expect("it is told");
-    // `printf 'an image' | gzip -c | tail -c8` has both.
+    // `printf 'an image' | gzip -c | tail -c8` prints both.
     assert_eq!((image.bytes, image.crc), (8, 0xa659_be80));
     assert_eq!(played().count(), 250);
 }

@@ -26,7 +26,7 @@ fn what_is_no_request_of_this_version_is_refused_by_name_and_nothing_else_happen
     corrupt[3] ^= 1;
     bead.receive(&corrupt);
     bead.run(0.05);
-    // A number that cannot be believed is not replied to.
+    // A request whose number cannot be trusted gets no reply.
     let expected = [
         Outcome::Version,
         Outcome::Kind,

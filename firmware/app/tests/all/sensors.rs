@@ -1,4 +1,4 @@
-//! Sensors and supply: what is wrong is told when it begins and when it is over, and flags strikes.
+//! Sensors and supply: faults are reported when they begin and when they end, and flag strikes.
 
 use bead_wire::{FaultCause, Gap, Health, Standing, StrikeFlags};
 

@@ -10,7 +10,7 @@ use crc::{CRC_32_ISO_HDLC, Crc};
 
 use crate::bead::{SECTOR, StartState, TestBead, status, windows_of};
 
-/// A block with other bytes where its header ends, and a checksum that holds.
+/// A block with other contents, and a checksum that holds.
 fn forged(change: impl Fn(&mut Vec<u8>)) -> Vec<u8> {
     let mut bytes = windows_of(300);
     bytes.truncate(bytes.len() - 4);
@@ -108,7 +108,7 @@ fn what_a_start_finds_decides_which_settings_hold_what_it_tells_and_whether_it_l
         assert_eq!(bead.running.faults(), expected);
         let status = status(&mut bead).0;
         assert_eq!((status.settings_source, status.armed), (source, armed));
-        // One that was not to look for strikes does when a host arms it.
+        // A bead that did not look for strikes does so once a host arms it.
         assert_eq!(bead.outcome(&Request::Arm), Outcome::Done);
         bead.run(0.01);
         let strikes = bead.strike();

@@ -14,7 +14,7 @@ fn image(length: usize) -> Vec<u8> {
         .collect()
 }
 
-/// A request to take this image, as `change` has it.
+/// A request to take this image, with its manifest changed by `change`.
 fn begin(image: &[u8], change: impl FnOnce(&mut Manifest<'_>)) -> Request {
     let mut manifest = Manifest {
         board: "fake",
@@ -44,7 +44,7 @@ fn pieces(image: &[u8]) -> impl Iterator<Item = Request> {
         })
 }
 
-/// The stage that the bead tells.
+/// The stage that the bead reports.
 fn stage(bead: &mut TestBead) -> UpdateStage {
     let (frames, _) = bead.ask(&Request::Identity);
     let told = bodies(&frames).map(|update: &Update| update.stage).next();
@@ -169,7 +169,7 @@ fn what_is_not_for_this_bead_is_refused_before_anything_is_erased() {
         let piece = pieces(&image).next().expect("there is one");
         assert_eq!(waiting.outcome(&piece), Outcome::Done);
     }
-    // Asked for, an older one is taken.
+    // An older image is taken if the request allows that.
     let older = Manifest {
         version: "0.9.0",
         ..ours
@@ -246,7 +246,7 @@ fn what_is_not_whole_or_not_the_image_that_was_announced_is_not_tried() {
         "what came is not the image that was announced: begin again".to_owned(),
     );
     assert_eq!(bead.answer(&Request::FinishUpdate), not_that);
-    // A bit is another one.
+    // One bit differs.
     let mut other = image.clone();
     other[4_999] ^= 1;
     let mut bead = begun(&image);

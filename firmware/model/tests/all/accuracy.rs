@@ -166,7 +166,7 @@ fn a_strike_upon_an_intruder_that_still_rings_is_flagged_and_its_ringing_is_not_
 #[test]
 fn a_sensor_behind_a_front_mass_predicts_as_well_if_it_is_told_of_it() {
     // The crystal measures the contact force less the force that moves the 4 g in front of it. B is 17 % low
-    // if it is not told, and right if it is.
+    // if the settings leave these out, and right if they state them.
     let strike = strike(0.45, 100_000, SPANS, 0.0, 4e-3);
     let [unaware, aware] = [0.0, 4e-3].map(|front_mass| {
         let bead = Bead {

@@ -8,15 +8,15 @@ use bead_testing::Collector;
 /// Number of scans that the image hands over at once.
 const BLOCK: usize = 200;
 
-/// A stream of a pulse of this height, in codes, from scan 2000 on. Each code before it is another, so that a
-/// window that is shifted by a scan differs.
+/// A stream of a pulse of this height, in codes, from scan 2000 on. Neighbouring codes before it differ, so
+/// that a window that is shifted by a scan differs.
 fn scan(index: u64, height: f64) -> Scan {
     let pulse = index.checked_sub(2000).map_or(0, |at| pulse(at as usize, height));
     let noise = [0, 1, 3, 1, 2, 0, 2][(index % 7) as usize];
     Scan::new([128 + noise + pulse, 128, 2048 + noise, 2048])
 }
 
-/// Feeds blocks; `ask` is asked before each for an instant and the scan at which it is told of.
+/// Feeds blocks. Before each, `ask` may return an instant and the scan at which it is requested.
 fn hear(height: f64, ask: impl Fn(u64) -> Option<(u64, u64)>) -> Collector {
     let (settings, mut meter, mut heard) = (paper(), Meter::new(), Collector::default());
     for first in (0..8000).step_by(BLOCK) {
@@ -31,7 +31,7 @@ fn hear(height: f64, ask: impl Fn(u64) -> Option<(u64, u64)>) -> Collector {
     heard
 }
 
-/// An instant that is told of in the block of the scan `at`.
+/// Requests an instant in the block of the scan `at`.
 fn told(trigger: u64, at: u64) -> impl Fn(u64) -> Option<(u64, u64)> {
     move |first| {
         (first..first + BLOCK as u64)
@@ -44,7 +44,7 @@ fn told(trigger: u64, at: u64) -> impl Fn(u64) -> Option<(u64, u64)> {
 fn a_bead_that_feels_too_little_keeps_the_window_around_the_instant_and_it_replays() {
     let settings = paper();
     let history = u64::from(settings.window.history);
-    // Miri, which takes ten seconds for each, takes one.
+    // Miri takes ten seconds for each, so it runs only one.
     const TOLD_AT: &[u64] = if cfg!(miri) { &[2400] } else { &[2300, 2399, 2400] };
     for &at in TOLD_AT {
         let heard = hear(20.0, told(at - 300, at));
@@ -60,7 +60,7 @@ fn a_bead_that_feels_too_little_keeps_the_window_around_the_instant_and_it_repla
                 .into_iter()
                 .eq(indices.take(heard.samples()).map(|index| scan(index, 20.0)))
         );
-        // An intruder that is silent is left no energy by its noise.
+        // The noise of an intruder at rest leaves it no energy.
         assert_eq!(heard.shapes[0].left.unwrap().measured, Energy::default());
         // The pulse is in it, and the same codes give the same bits.
         assert!((2000..2050).contains(&report.peak_index), "{report:?}");
@@ -84,7 +84,7 @@ fn what_a_bead_finds_by_itself_goes_first() {
         let heard = hear(1500.0, told(instant, at));
         assert_eq!(heard, alone);
     }
-    // Later than that, the line's window is the first, and has what the force would have found.
+    // If the force rises later than that, the window of the line comes first, and contains the pulse.
     let heard = hear(1500.0, told(trigger - 310, trigger - 10));
     assert_eq!(heard.opened, [(trigger - 310, Origin::Line)]);
     assert!((2000..2050).contains(&heard.reports[0].peak_index));

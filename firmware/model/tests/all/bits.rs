@@ -1,7 +1,7 @@
 //! Every bit of the results of windows that are made up: on any machine, and in any later version.
 //!
-//! A recording replays bit for bit. So a version that changes a bit of what an earlier one computed says so
-//! (CHANGELOG), and a replay of the earlier recording does. The windows go where the arithmetic branches:
+//! A recording replays bit for bit. A version that changes a bit of an earlier result therefore says so
+//! (CHANGELOG), and so does a replay of the earlier recording. The windows go where the arithmetic branches:
 //! both gains, rails, noise, powers of two, intruders behind. Their codes are made by sums and products
 //! alone, which are the same everywhere.
 
@@ -11,8 +11,8 @@ use bead_testing::Collector;
 use bead_wire::{Message, Packed, Waveform};
 use crc::{CRC_32_ISO_HDLC, Crc};
 
-/// A bead with these times the mass and the contact stiffness of the paper's, and an intruder with this part
-/// of its mass and these times the damping.
+/// Factors over the paper's bead: of the mass, the contact stiffness and, last, the damping of the intruder.
+/// The third number is the mass of the intruder as a part of the bead's.
 type Likeness = [f64; 4];
 /// Force (N), width (scans), acceleration (m/s²) and gain of the wide channels, as [`strikes`] takes them.
 type PulseForm = [f64; 4];
@@ -46,7 +46,7 @@ fn settings([mass, stiff, part, damped]: Likeness, behind: u8) -> Settings {
         contact_stiffness: stiff * paper.contact_stiffness,
         ..paper
     };
-    // The intruder rings and decays in as many widths of the wave.
+    // The intruder rings and decays in as many widths of the wave as the paper's.
     let time = bead.pulse_width(1.0) / paper.pulse_width(1.0);
     bead.intruder_mass = part * bead.mass;
     bead.stiffness *= bead.intruder_mass / paper.intruder_mass / (time * time);
@@ -145,7 +145,7 @@ fn a_strike_has_the_same_bits_whenever_wherever_and_in_whatever_calls_it_is_meas
     ];
     let (mut measured, mut stated) = (Vec::new(), Vec::new());
     for (n, (what, bead, behind, shape, noise, checksum)) in cases.into_iter().enumerate() {
-        // Miri, which takes half a minute for each, takes one with powers of two and intruders behind.
+        // Miri takes half a minute for each, so it runs only one, with powers of two and intruders behind.
         if cfg!(miri) && n != 17 {
             continue;
         }

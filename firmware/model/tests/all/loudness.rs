@@ -1,5 +1,5 @@
-//! The low gain has a part in loud pieces of a window only: the others are the same without its codes, which
-//! are not sent.
+//! Only loud pieces of a window depend on the low gain: the others are the same without its codes, which are
+//! not sent.
 
 use std::ops::Range;
 
@@ -33,7 +33,7 @@ fn hear(settings: &Settings, loud: [u16; 2], at: u64) -> Collector {
     heard
 }
 
-/// The report of the same window with other wide codes in the pieces for which `wide` does not ask.
+/// The report of the same window with different wide codes in the pieces for which `wide` is false.
 fn replay(settings: &Settings, heard: &Collector, wide: impl Fn(&Chunk) -> bool) -> (Strike, Shape) {
     let mut scans: Vec<Scan> = Vec::new();
     for chunk in &heard.chunks {
@@ -79,7 +79,7 @@ fn a_piece_is_loud_in_the_baseline_and_near_a_loud_code_and_only_there_do_wide_c
             let report = (heard.reports[0], heard.shapes[0]);
             let same = replay(&settings, &heard, |chunk| chunk.loud);
             assert_eq!(same, report, "{loud:?}, {at}");
-            // Another result where the wide channel gives the signal.
+            // The result differs where the wide channel supplies the signal.
             let other = replay(&settings, &heard, |chunk| {
                 chunk.loud && !pieces(chunk).contains(&at)
             });

@@ -1,5 +1,5 @@
-//! Tests of the model, one program: the simulator beside them is linked once. Those that simulate chains take
-//! Miri, which looks at the model alone, hours.
+//! Tests of the model in one program, so that the simulator beside them is linked once. Under Miri, which
+//! checks the model alone, those that simulate chains would take hours.
 #![allow(clippy::unwrap_used, reason = "in a test, an unwrap is an assertion")]
 
 #[cfg(not(miri))]

@@ -13,7 +13,7 @@ fn scan(force: u16) -> Scan {
     Scan::new([force, wide as u16, 2048, 2048])
 }
 
-/// Force codes of a stream with pulses of 50 samples from these on, over a zero of 128.
+/// Force codes of a stream with pulses of 50 samples that start at these, over a zero of 128.
 fn pulses(starts: &[usize]) -> impl Fn(usize) -> u16 {
     move |at| {
         let since = starts.iter().filter_map(|start| at.checked_sub(*start)).min();
@@ -66,7 +66,7 @@ fn a_meter_is_armed_after_a_history_of_scans_in_which_the_force_does_not_rise() 
         })
     };
     let never = usize::MAX;
-    // Whatever the level: the first scans are compared with none before them.
+    // The level does not matter: the first scans are compared with none before them.
     for level in [0, 128, 4095] {
         assert_eq!(armed(&|_| level, never), Some(history - 1), "{level}");
     }
@@ -127,8 +127,8 @@ fn words_of_a_dma_hold_the_high_gain_in_their_lower_half_and_are_measured_as_sca
     assert_eq!(heard, Collector::measure(&settings, 0, &expected));
 }
 
-/// Whatever triggers, in windows of whatever length: a meter that is to pass over comes to rest within the
-/// longest window, its lag and the next window, 20 ms, and stays there.
+/// Whatever triggers, and however long the windows: a meter that is to pass over strikes comes to rest within
+/// the longest window, its lag and the next window, 20 ms, and stays there.
 #[test]
 #[cfg_attr(miri, ignore = "hundreds of thousands of scans")]
 fn a_meter_that_passes_over_ends_its_strike_measures_no_other_and_counts_them() {

@@ -111,8 +111,8 @@ fn noise_is_taken_off_a_and_does_not_cut_into_b() {
                 shown(gated),
                 shown(b)
             );
-            // The bias that is left is within what 64 samples tell of the noise; the bias of B is within its
-            // scatter.
+            // The bias that is left is within what 64 samples say about the noise; the bias of B is within
+            // its scatter.
             let bias = plain.0 - a.0;
             let unsure = |scatter: f64| 3.0 * scatter / (STRIKES as f64).sqrt();
             assert!(bias > 0.0, "{bias}");

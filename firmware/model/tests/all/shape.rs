@@ -66,7 +66,7 @@ fn the_shape_of_a_strike_is_that_of_the_chain_whatever_its_speed_and_its_spring(
     for (speed, stiffness, range, noise, bounds) in [
         (0.45, 3.95e5, 1.0, 0.0, [0.1, 0.25, 0.5, 0.6, 1.5]),
         (0.45, 3.95e5, 1.0, 1.3, [0.1, 0.25, 0.5, 0.6, 1.5]),
-        // A spring that has changed is heard in the ringing.
+        // A changed spring shows in the ringing.
         (0.45, 3.6e5, 1.0, 1.3, [0.1, 0.25, 0.5, 0.6, 2.5]),
         (0.45, 4.3e5, 1.0, 1.3, [0.1, 0.25, 0.5, 0.6, 2.5]),
         (0.1, 3.95e5, 0.25, 1.3, [0.15, 0.3, 0.7, 2.0, 10.0]),

@@ -25,7 +25,7 @@ const fn material(density: f64, young: f64, poisson: f64) -> Material {
     }
 }
 
-/// Handbook values, and the paper's Bakelite. A relaxation time is known of the last one only.
+/// Handbook values, and the paper's Bakelite. A relaxation time is known for the last one only.
 const MATERIALS: [(&str, Material, f64); 7] = [
     ("steel", material(7780.0, 203e9, 0.27), 0.0),
     ("glass", material(2500.0, 70e9, 0.22), 0.0),

@@ -1,9 +1,9 @@
-//! Bytes of every message and every request, held by `golden.txt`. Fields, units and lists stand in
-//! `docs/protocol.md`, which another test holds.
+//! Bytes of every message and every request, compared with `golden.txt`. Fields, units and lists are in
+//! `docs/protocol.md`, which another test checks.
 //!
 //! If a test here fails, a body has changed: the order or the type of a field.
 //! - A new kind or request may come: `GOLDEN=overwrite cargo test --release -p bead-wire golden` writes the
-//!   file anew. Lines are added, and none goes.
+//!   file anew, with lines added and none removed.
 //! - Anything else breaks recordings and old beads. A changed body gets a new number and a file of its own; a
 //!   changed header is a new version of the protocol.
 

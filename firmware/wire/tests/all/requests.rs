@@ -1,5 +1,5 @@
-//! Requests: a whole one is understood, and one that is none is refused by its cause. Damage on the line is
-//! tried on frames, which come through the same code.
+//! Requests: a valid one is understood, and any other is refused with its cause. Damage on the line is tested
+//! with frames, which come through the same code.
 
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
@@ -57,7 +57,7 @@ fn each_way_of_being_no_request_is_refused_by_its_name() {
         (0, 64, b"", Cause::Version(0)),
         (VERSION, 63, b"", Cause::Kind(63)),
         (VERSION, 99, b"", Cause::Kind(99)),
-        // A bead's kinds are no requests, as on a line whose two wires touch.
+        // A bead's kinds are no requests: they come back on a line whose two wires touch.
         (VERSION, 1, b"", Cause::Kind(1)),
         (VERSION, 16, b"", Cause::Kind(16)),
         (VERSION, 69, b"\0", Cause::Trailing),
@@ -74,7 +74,7 @@ fn each_way_of_being_no_request_is_refused_by_its_name() {
         };
         assert_eq!(only(&by_hand(version, kind, body)), Ok(refused));
     }
-    // If the CRC is wrong, no byte can be believed.
+    // If the CRC is wrong, no byte can be trusted.
     let mut wrong = by_hand(VERSION, 72, &[0x64]);
     let last = wrong.len() - 2;
     wrong[last] ^= 1;

@@ -23,7 +23,7 @@ fn opening(boot: u8) -> Vec<u8> {
     bytes(boot, 0, &identity.into())
 }
 
-/// A frame of a boot, of which number 0 opens it.
+/// A frame of a boot; number 0 opens it.
 fn frame(boot: u8, number: u32) -> Vec<u8> {
     match number {
         0 => opening(boot),
@@ -73,7 +73,8 @@ proptest! {
         for (number, kept) in boots.iter().enumerate() {
             let Some(last) = kept.iter().rposition(|&kept| kept) else { continue };
             let first = kept.iter().position(|&kept| kept).unwrap();
-            // In the first boot heard, earlier frames are unknown. A later boot is heard from its start.
+            // In the first boot received, earlier frames are unknown. A later boot is received from its
+            // start.
             let listened = if heard == 0 { first } else { 0 };
             lost += kept[listened..=last].iter().filter(|&&kept| !kept).count() as u64;
             heard += 1;

@@ -8,7 +8,7 @@ use crate::emulation::Emulation;
 use bead_recording::frames::Frame;
 use bead_recording::strikes::assemble;
 
-/// Goals, as parts of the truth: of estimate A, and of B.
+/// Greatest rms errors of estimates A and B that pass, as parts of the truth.
 const GOALS: [f64; 2] = [5e-3, 1e-2];
 
 /// Errors of the estimates of one run.

@@ -1,10 +1,10 @@
-//! The image in QEMU behind an address, at which programs connect as to a bead's line.
+//! The image in QEMU behind an address that programs connect to as to a bead's line.
 //!
 //! # Design
-//! The image stands still in its virtual time until the bridge lets some of it pass
-//! ([`stm32f405_qemu::Live`]). The same bytes at the same virtual times give the same answers as in any other
-//! run. Without a pace the image's time passes while a program is connected, as fast as it can, and stands
-//! still otherwise. With a pace it follows the time of this computer.
+//! The image's virtual time stands still until the bridge lets some of it pass ([`stm32f405_qemu::Live`]).
+//! The same bytes at the same virtual times yield the same answers in every run. Without a pace, the
+//! image's time passes as fast as it can while a program is connected, and stands still otherwise. With a
+//! pace, it follows the time of this computer.
 
 use std::collections::VecDeque;
 use std::io::{self, Read, Write};
@@ -24,21 +24,21 @@ use crate::error::BenchError;
 use crate::playback::Playback;
 use bead_line::port::Address;
 
-/// Time after which the image samples and receives.
+/// Time from power-up until the image samples and receives.
 const START: Duration = Duration::from_millis(50);
-/// Time that passes after bytes came in: the image answers most requests within it.
+/// Virtual time that passes after bytes arrive, enough for the image to answer most requests.
 const ANSWER: Duration = Duration::from_millis(80);
-/// Time that passes in one go while a program only listens, and the most with a pace. No program is served
-/// meanwhile.
+/// Step of virtual time while a program only listens, and the longest step with a pace. No program is
+/// served during a step.
 const STEP: Duration = Duration::from_millis(250);
-/// From a stop to the first byte that comes in after it.
+/// Time from a stop to the first byte received after it, ns.
 const GAP_NS: u64 = 1_000_000;
-/// Time within which a program that was answered hangs up or sends more.
+/// Time that an answered program has to hang up or send more.
 const PAUSE: Duration = Duration::from_millis(100);
 /// With a pace: interval between two steps of time.
 const BEAT: Duration = Duration::from_millis(10);
-/// With a pace: greatest delay of the image's time. More is dropped, since a computer that is too slow, or
-/// stood still, could never catch up.
+/// With a pace: greatest delay of the image's time. Any excess is dropped: a computer that is too slow or
+/// was suspended could never catch up.
 const BEHIND: Duration = Duration::from_secs(1);
 /// Interval between two polls for a new connection, or for a request to stop.
 const IDLE: Duration = Duration::from_millis(50);
@@ -56,31 +56,31 @@ pub struct Bridge {
     /// End of the codes that the image has, in ns since power-up; `None` before it samples.
     codes_until_ns: Option<u64>,
     row_ns: u64,
-    /// Seconds of the bead's crystal in a true one: rows follow the crystal.
+    /// Seconds by the bead's crystal per true second: rows follow the crystal.
     rate: f64,
     pace: Option<Pace>,
     /// Work of the emulator in the last step of time.
     pub work: StretchWork,
 }
 
-/// Relation of an image's time to this computer's. Images with clones of a pace have one time: all wait for
-/// the slowest.
+/// Relation of an image's time to this computer's. Images that share clones of a pace run in step: all wait
+/// for the slowest.
 #[derive(Debug, Clone)]
 pub struct Pace {
     started: Arc<Mutex<Instant>>,
-    /// Seconds of an image in one of this computer.
+    /// Seconds of an image per second of this computer.
     factor: f64,
 }
 
 impl Pace {
-    /// A pace from now on: seconds of an image in one second of this computer.
+    /// Starts a pace of `factor` seconds of an image per second of this computer.
     pub fn new(factor: f64) -> Self {
         let started = Arc::new(Mutex::new(Instant::now()));
         Self { started, factor }
     }
 
     fn started(&self) -> MutexGuard<'_, Instant> {
-        // An instant is whole whatever a thread did that panicked.
+        // A thread that panicked cannot have left a broken `Instant`.
         self.started.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -94,7 +94,7 @@ impl Pace {
         passed.mul_f64(self.factor).saturating_sub(now)
     }
 
-    /// Time that should pass in one go.
+    /// Virtual time that should pass in the next step.
     fn due(&self, now: Duration, instant: Instant) -> Duration {
         let mut started = self.started();
         let behind = self.since(*started, now, instant);
@@ -118,7 +118,7 @@ impl Bridge {
         Self::with(emulation, pace, |_| {})
     }
 
-    /// The image at power-up in a machine that is changed before.
+    /// The image at power-up, in a machine that `change` has altered.
     ///
     /// # Errors
     /// QEMU fails.
@@ -130,7 +130,7 @@ impl Bridge {
         let mut machine = emulation.machine();
         change(&mut machine);
         machine.count_instructions = false;
-        // Every edge would be kept for as long as it runs.
+        // Recorded edges would take ever more memory.
         machine.record_pins = false;
         // From stop to stop.
         machine.timeout = Duration::from_secs(120);
@@ -158,7 +158,7 @@ impl Bridge {
     pub fn pass(&mut self, bytes: &[u8], time: Duration) -> Result<Vec<u8>, BenchError> {
         let mut said = Vec::new();
         if self.live.now_ns() < 1_000_000 && !bytes.is_empty() {
-            // A bead that has not started does not hear.
+            // A bead that has not started does not receive.
             said = self.pass(&[], START)?;
         }
         let now_ns = self.live.now_ns();
@@ -200,7 +200,7 @@ impl Bridge {
         }
     }
 
-    /// Time that should pass now, after bytes came in or none did.
+    /// Time that should pass now. `received` is true if bytes came in.
     fn due(&self, received: bool) -> Duration {
         let now = self.now();
         match &self.pace {
@@ -211,11 +211,11 @@ impl Bridge {
     }
 }
 
-/// An address at which programs connect.
+/// An address that programs connect to.
 pub enum Door {
     /// A TCP port.
     Tcp(TcpListener),
-    /// A socket, whose path is removed with it.
+    /// A Unix socket. Dropping the door removes its path.
     Unix(UnixListener, PathBuf),
 }
 
@@ -223,7 +223,7 @@ impl Door {
     /// Listens at an address. Programs that connect wait until they are served.
     ///
     /// # Errors
-    /// The address cannot be listened at.
+    /// Listening at the address fails.
     pub fn open(address: &Address) -> Result<Self, BenchError> {
         let cannot = |error: io::Error| {
             let advice = advice(address, &error);
@@ -247,7 +247,7 @@ impl Door {
         }
     }
 
-    /// Takes the programs that wait to be connected.
+    /// Accepts the programs that wait for a connection.
     fn let_in(&self, programs: &mut Vec<Program>) {
         let accept = || -> io::Result<Box<dyn ProgramStream>> {
             match self {
@@ -344,7 +344,7 @@ pub fn serve(bridge: &mut Bridge, door: &Door, stop: &AtomicBool) -> Result<(), 
 struct Program {
     stream: Box<dyn ProgramStream>,
     unread: VecDeque<u8>,
-    /// Instant at which it last read something.
+    /// Instant at which the program last read something.
     read: Instant,
 }
 
@@ -439,19 +439,19 @@ mod tests {
             started: Arc::new(Mutex::new(began)),
             factor: 100.0,
         };
-        // One that it keeps up with loses nothing, not by a hiccup either.
+        // A pace that the computer keeps up with loses nothing, even after a hiccup.
         assert_eq!(pace.due(seconds(0), at(1)), ms(100));
         assert_eq!(pace.due(ms(100), at(10)), STEP);
         assert_eq!(pace.pause(ms(350), at(10)), Duration::ZERO);
         assert_eq!(pace.due(ms(850), at(10)), ms(150));
         assert_eq!(pace.pause(ms(1000), at(10)), BEAT);
         assert_eq!(*pace.started(), began);
-        // A minute in which the image came no further.
+        // The image made no progress for a minute.
         assert_eq!(pace.due(seconds(1), at(60_000)), STEP);
         assert_eq!(pace.behind(seconds(1), at(60_000)), BEHIND);
         assert_eq!(pace.due(seconds(1) + BEHIND, at(60_000)), Duration::ZERO);
         assert_eq!(pace.due(seconds(1) + BEHIND, at(60_002)), ms(200));
-        // Another image, which was quicker, waits for this one.
+        // A faster image waits for this one.
         assert_eq!(pace.clone().due(seconds(3), at(60_002)), Duration::ZERO);
     }
 
@@ -477,12 +477,12 @@ mod tests {
         assert_eq!(programs.len(), 1);
         let (total, mut reader) = reads.join().unwrap();
         assert_eq!(total, BYTES);
-        // A program that hangs up is noticed, and what it said before is heard.
+        // The last bytes of a program arrive before it is found to have hung up.
         reader.write_all(b"last words").unwrap();
         drop(reader);
         assert_eq!(receive(&mut programs, PAUSE), b"last words");
         assert!(receive(&mut programs, PAUSE).is_empty() && programs.is_empty());
-        // Alone, one that does not read is waited for until the end.
+        // A single program that does not read is waited for until the end.
         let (alone, _other_end) = UnixStream::pair().unwrap();
         let mut programs = vec![program(alone, BYTES)];
         let ended = thread::scope(|scope| {

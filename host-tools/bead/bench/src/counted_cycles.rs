@@ -1,13 +1,13 @@
-//! Cycles of the image as the emulator counts them, to stand beside those that a bead measures.
+//! Cycles of the image as counted by the emulator, for comparison with those that a bead measures.
 //!
-//! A test of the budget holds these numbers to its table, docs/budget.md.
+//! A test compares these numbers with the table in docs/budget.md.
 
 /// Cycles of the same work by two models of the memory.
 #[derive(Debug, Clone, Copy)]
 pub struct CountedCycles {
-    /// With instructions and data from the flash's caches wherever they are still held.
+    /// With instructions and data served from the flash caches where cached.
     pub cached: u32,
-    /// With each instruction at its longest, and each line of flash waited for.
+    /// With each instruction at its longest, and a wait for each line of flash.
     pub at_most: u32,
 }
 

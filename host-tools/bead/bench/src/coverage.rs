@@ -1,5 +1,5 @@
-//! Coverage of the uncertainties that a bead sends: beads whose true parameters are drawn from the
-//! distributions of a calibration, and which measure with its settings.
+//! Coverage of the uncertainties that a bead sends. The true parameters of the simulated beads are drawn
+//! from the distributions of a calibration; the beads measure with its settings.
 //!
 //! # Design
 //! A bead's parameters are drawn around those of its settings (JCGM 101, 6.4, the code of `bead budget
@@ -28,15 +28,16 @@ use bead_compare::sensed::{Timing, Truth, simulate_with_ring_down};
 
 /// Coverage factor of the intervals.
 const COVERAGE_FACTOR: f64 = 2.0;
-/// Part of the intervals that has to hold the truth: least and greatest.
+/// Least and greatest part of the intervals that may hold the truth.
 const COVERED: [f64; 2] = [0.92, 0.98];
 /// Least probability of the ranks, if they are uniform.
 const LEAST_PROBABILITY: f64 = 0.01;
-/// Part of drawn beads that may be flagged: each flag takes those beyond three standard uncertainties.
+/// Greatest part of the drawn beads that may be flagged: each flag marks those beyond three standard
+/// uncertainties.
 const FLAGGED: f64 = 0.02;
 /// Classes of ranks. Their number is odd, for the closed form of chi-squared.
 const CLASSES: usize = 11;
-/// Radii of the striker, m, and its velocities, m/s, of which each bead draws one.
+/// Ranges of the striker's radius, m, and velocity, m/s, from which each bead draws.
 const RADII: [f64; 2] = [0.0035, 0.0095];
 const VELOCITIES: [f64; 2] = [0.2, 1.0];
 /// Quiet before the strike, s.
@@ -125,7 +126,7 @@ impl Calibrated {
         self.measure(scenario, &real, lead_in, random.random())
     }
 
-    /// Measures a strike of the calibration's chain at a bead that is `real`.
+    /// Measures a strike of the calibration's chain at a bead with the true parameters `real`.
     fn measure(
         &self,
         mut scenario: Scenario,
@@ -165,7 +166,7 @@ impl Calibrated {
     }
 }
 
-/// True if chance explains that so many of the drawn beads flag a doubt.
+/// True if chance explains that `doubted` of the drawn `beads` flag a doubt.
 pub fn few_are_doubted(doubted: usize, beads: usize) -> bool {
     doubted as f64 <= FLAGGED * beads as f64
 }

@@ -1,4 +1,4 @@
-//! The flash image in QEMU, on what a bead of a simulated chain would sense.
+//! The flash image in QEMU, fed with what a bead of a simulated chain would sense.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -66,10 +66,10 @@ pub struct Ran {
 }
 
 impl Ran {
-    /// The run, if it came to its end.
+    /// Returns the run if it reached its end.
     ///
     /// # Errors
-    /// The image failed before its time was over.
+    /// The image failed early.
     pub fn whole(self) -> Result<Self, BenchError> {
         match &self.failure {
             Some(why) => Err(BenchError::Mute(why.clone())),
@@ -97,10 +97,10 @@ impl Ran {
     }
 }
 
-/// A bead as it is put into the chain and switched on.
+/// A bead, its place in the chain and its start.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Placed {
-    /// Its place in the chain: one with an intruder.
+    /// Its place in the chain, which must have an intruder.
     pub bead: usize,
     /// Its address on the line.
     pub address: u8,
@@ -112,12 +112,12 @@ pub struct Placed {
     pub began: f64,
     /// Uncertainties that its settings state, if any.
     pub uncertainty: Option<Uncertainty>,
-    /// Settings that its owner gave it, in place of those that are right for the bead and its front end.
+    /// Settings from its owner. `None` derives those that fit the bead and its front end.
     pub owners: Option<Settings>,
 }
 
 impl Placed {
-    /// A bead alone, with a true crystal.
+    /// The only bead of a run, with an exact crystal.
     pub fn alone(bead: usize, seed: Option<u64>) -> Self {
         Self {
             bead,
@@ -147,7 +147,7 @@ pub struct Emulation {
     pub gdb: Option<u16>,
     /// Greatest errors of A and of B that the chain explains, as parts; infinite without a bound.
     pub explained: [f64; 2],
-    /// Waveform at the sensors, if it is not a strike of the chain.
+    /// Waveform at the sensors, in place of a strike of the chain.
     pub waveform: Option<Waveform>,
     /// Wires from the part's outputs to its inputs. With one or more there are no sensors: inputs without a
     /// wire are open.
@@ -184,8 +184,8 @@ impl Emulation {
         })
     }
 
-    /// Derives the settings of a bead and digitises a waveform that it senses, whatever the chain would do.
-    /// `truth` is kept as what is true of it.
+    /// Derives the settings of a bead and digitises a given waveform in place of the chain's signals.
+    /// `truth` becomes the truth of the run.
     ///
     /// # Errors
     /// The bead has no intruder, no settings fit it, or the waveform is too long.
@@ -269,21 +269,19 @@ impl Emulation {
         })
     }
 
-    /// Adds edges at the sync input, at these times in s on the time that all beads share, up to the end of
-    /// the codes.
+    /// Adds edges at the sync input, at these shared times in s, up to the end of the codes.
     pub fn sync(&mut self, edges: impl IntoIterator<Item = f64>) {
         self.sync_until(edges, self.seconds());
     }
 
-    /// Adds edges as [`sync`](Self::sync), up to a time of the bead's own, s.
+    /// Adds edges as [`sync`](Self::sync) does, up to a time on the bead's own clock, s.
     pub fn sync_until(&mut self, edges: impl IntoIterator<Item = f64>, until: f64) {
         let own = edges.into_iter().map(|edge| edge - self.truth.began);
         let on = own.take_while(|edge| *edge < until).filter(|edge| *edge > 0.0);
         self.truth.sync_edges = on.collect();
     }
 
-    /// Lets others hold the trigger line low in these intervals, in s on the time that all beads share, while
-    /// the bead is on.
+    /// Lets others hold the trigger line low in these intervals of shared time, in s, while the bead is on.
     pub fn line(&mut self, low: impl IntoIterator<Item = [f64; 2]>) {
         let (began, seconds) = (self.truth.began, self.seconds());
         let own = low.into_iter().map(|times| times.map(|time| time - began));
@@ -291,7 +289,7 @@ impl Emulation {
         self.truth.line_low = on.collect();
     }
 
-    /// The codes of the run for one that goes on without end.
+    /// The codes of the run, repeated endlessly.
     pub(super) fn playback(&self) -> Playback {
         if !self.wires.is_empty() {
             return Playback::new(open_inputs(), None);
@@ -334,7 +332,7 @@ impl Emulation {
             changes_ns: self.truth.sync_edges.iter().flat_map(pulse).collect(),
         }];
         if !self.truth.line_low.is_empty() {
-            // High from the first scan on.
+            // The line is high from the first scan.
             let low = self.truth.line_low.iter().flatten().map(|time| ns(*time));
             run.pin_inputs.push(PinInput {
                 pin: LINE_PIN.to_owned(),
@@ -386,7 +384,7 @@ impl Emulation {
         let counted = outcome.instructions.as_ref().ok_or_else(|| {
             BenchError::Mute("the emulator counted no instructions although it was asked to".to_owned())
         })?;
-        // None also where the compiler left no function with the label.
+        // `None` too if the compiler inlined every function with the label.
         let per_sample = |label: &str, samples: u64| {
             let function = counted.functions.iter().find(|function| function.label == label);
             let function = function.filter(|function| samples > 0 && function.symbols > 0)?;
@@ -396,7 +394,7 @@ impl Emulation {
         for frame in frames {
             if let Message::Strike(strike) = &frame.message {
                 in_windows += u64::from(strike.samples);
-                // An image of another firmware may give any length.
+                // An image of another firmware may send any length.
                 estimated += u64::from(strike.samples.saturating_sub(BASELINE));
             }
         }
@@ -436,7 +434,7 @@ pub(crate) fn block_of(settings: &Settings) -> Result<Vec<u8>, BenchError> {
     Ok(block[..length].to_vec())
 }
 
-/// Codes of inputs that nothing is connected to, for a period of the mains: hum of 50 Hz and some noise.
+/// Codes of open inputs for one period of the mains: 50 Hz hum and some noise.
 fn open_inputs() -> Vec<[u16; 4]> {
     const PERIOD: u32 = SAMPLE_RATE_HZ / 50;
     let row = |n: u32| {
@@ -449,9 +447,9 @@ fn open_inputs() -> Vec<[u16; 4]> {
     (0..PERIOD).map(row).collect()
 }
 
-/// Failure of an image that ended before its time was over. A fault that a reset follows is none.
+/// Failure of an image that ended early. A fault followed by a reset is no failure.
 fn failure(outcome: &Outcome) -> Option<String> {
-    // A breakpoint is how test firmware ends. A bead's never does.
+    // Test firmware ends at a breakpoint; a bead's firmware never does.
     let RunEnd::Breakpoint(place) = &outcome.end else {
         return outcome.verdict().err();
     };
@@ -461,15 +459,15 @@ fn failure(outcome: &Outcome) -> Option<String> {
     ))
 }
 
-/// Intervals in which a pin was low, ns. It is in use from its first rise on; a last fall without a rise is
-/// left out.
+/// Intervals in which a pin was low, ns. The pin is in use from its first rise; a last fall without a rise
+/// is left out.
 fn pulls(changes: &[(u64, bool)]) -> Vec<[u64; 2]> {
     let pairs = changes.windows(2).skip_while(|pair| !pair[0].1);
     let low = pairs.filter(|pair| !pair[0].1 && pair[1].1);
     low.map(|pair| [pair[0].0, pair[1].0]).collect()
 }
 
-/// The settings of a bead behind a front end: its owner's, or those that are right for both.
+/// The settings of a bead behind a front end: its owner's, or those that fit both.
 ///
 /// # Errors
 /// The bead has no intruder, or no settings fit it.

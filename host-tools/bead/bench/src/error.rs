@@ -4,13 +4,13 @@ use stm32f405_qemu::RunError;
 
 use bead_compare::error::CompareError;
 
-/// A run of the image cannot be made, or failed. The message is one line: what, why, what next.
+/// Error of a run of the image. The message is one line: what, why, what next.
 #[derive(Debug, thiserror::Error)]
 pub enum BenchError {
     /// The scenario cannot be read or integrated, or does not fit the bead.
     #[error(transparent)]
     Compare(#[from] CompareError),
-    /// Bead, image, faults or address do not make a run.
+    /// Bead, image, faults or address do not fit together.
     #[error("{0}")]
     Unfit(String),
     /// The emulator refuses the image or its inputs, or fails.
@@ -22,7 +22,7 @@ pub enum BenchError {
 }
 
 impl BenchError {
-    /// `what`, and the error beneath it.
+    /// An error with the message `what` and its cause.
     pub(crate) fn unfit(what: &str, error: impl std::error::Error) -> Self {
         Self::Unfit(format!("{what}: {error}"))
     }

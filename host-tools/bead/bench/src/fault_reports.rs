@@ -1,11 +1,11 @@
 //! Checks that a bead reported each fault of a run exactly once.
 //!
 //! # Design
-//! Faults meet one another: one comes while the bead starts after another, hangs, or sends nothing. The
-//! expected reports therefore follow from the run, whose resets the emulator knows. Between two resets a
-//! report is required, or only allowed where a fault falls into the bead's start or close to another fault. A
-//! report that no fault explains is spurious; a required one that did not come is missing. Times are in s
-//! after the first scan.
+//! Faults interact: one may come while the bead starts after another, hangs, or sends nothing. The expected
+//! reports therefore follow from the run, whose resets the emulator knows. Between two resets a report is
+//! required, or only allowed where a fault falls into the bead's start or close to another fault. A report
+//! that no fault explains is spurious; a required one that did not come is missing. Times are in s after
+//! the first scan.
 
 use bead_wire::{FaultCause, Message};
 use stm32f405_qemu::ResetCause;
@@ -18,7 +18,7 @@ use bead_recording::frames::FrameReader;
 
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct FaultReport {
-    /// The time when its frame had left, s.
+    /// Time when the report's frame had left, s.
     pub(crate) at: f64,
     pub(crate) cause: FaultCause,
     pub(crate) detail: String,
@@ -94,13 +94,13 @@ const CRASH: f64 = 0.03;
 const GIVEN_UP: [f64; 2] = [0.5, 1.55];
 /// Time after which a silent converter is set up again, s.
 const SET_UP_ANEW: f64 = 0.015;
-/// Shortest and longest time of samples in which a stuck code is found, s.
+/// Shortest and longest time to find a stuck code, s of samples.
 const FOUND: [f64; 2] = [0.048, 0.065];
 /// Longest time from a fault's discovery to the end of its frame, behind the frames that wait, s.
 const LEAVES: f64 = 0.1;
 /// Time after which a low supply is noticed, s.
 const NOTICED: f64 = 0.005;
-/// Shortest and longest time of a good supply after which a low one is over, s.
+/// Shortest and longest time of good supply that ends a low one, s.
 const OVER: [f64; 2] = [0.015, 0.025];
 /// Time from a good supply to samples, s.
 const START: f64 = 0.045;
@@ -116,7 +116,7 @@ const MEASURED: f64 = 0.03;
 const ARMED: f64 = 0.02;
 /// Longest time from a result to the end of its frame on an idle line, s.
 const RESULT_LEAVES: f64 = 0.02;
-/// Greatest difference of two times that are the same, s: times are rounded to ns.
+/// Tolerance of equal times, s: times are rounded to ns.
 const INSTANT: f64 = 1e-6;
 /// Codes between the end of the range and the rail (`firmware/app/src/health.rs`).
 const RAIL: u16 = 16;
@@ -163,9 +163,9 @@ pub(crate) fn check_reports(
 
 #[derive(Debug)]
 struct ExpectedReport {
-    /// The causes, one of which it has.
+    /// Causes, of which the report has one.
     causes: Vec<FaultCause>,
-    /// The cause that is over, of a recovery.
+    /// Cause that is over, if this is the report of a recovery.
     over: Option<FaultCause>,
     from: f64,
     until: f64,
@@ -184,12 +184,12 @@ impl std::fmt::Display for ExpectedReport {
     }
 }
 
-/// True for each expected report that came; and the places of the reports that nothing explains.
+/// Returns true for each expected report that came, and the indices of the reports that nothing explains.
 fn match_reports(due: &[ExpectedReport], reported: &[FaultReport]) -> (Vec<bool>, Vec<usize>) {
     let mut came = vec![false; due.len()];
     let mut spurious = Vec::new();
     for (number, reported) in reported.iter().enumerate() {
-        // A strike that a fault cut follows from that fault.
+        // The fault that cut a strike explains the report of the cut.
         if reported.cause == FaultCause::StrikeCut {
             continue;
         }
@@ -199,7 +199,7 @@ fn match_reports(due: &[ExpectedReport], reported: &[FaultReport]) -> (Vec<bool>
                 && due.over.is_none_or(|over| over.name() == Some(&reported.detail))
         };
         let open = (0..due.len()).filter(|&at| !came[at] && fits(&due[at]));
-        // A required report first, and the most urgent of these.
+        // Required reports come first, the most urgent of them before the others.
         let first = open.min_by(|&a, &b| {
             let [a, b] = [&due[a], &due[b]];
             b.required.cmp(&a.required).then(a.until.total_cmp(&b.until))
@@ -249,7 +249,7 @@ impl<'a> FaultyRun<'a> {
             // The first scan is at 0.
             let (earliest, latest) =
                 began.map_or((0.0, 0.0), |began| (began + GOOD, run.good_since(began) + START));
-            // One that did not end the boot came when the DMA was not at work.
+            // A fault that did not end the boot came while the DMA was idle.
             let fatal = faults.iter().filter(|fault| {
                 let within = reset_within(fault.kind).filter(|_| crashes(fault.kind));
                 let took = end - fault.at;
@@ -273,7 +273,7 @@ impl<'a> FaultyRun<'a> {
         all.filter(move |(_, fault)| fault.kind == kind)
     }
 
-    /// The time at which a start has seen a good supply for long enough, or waits no more, s.
+    /// Time at which a start has seen a good supply for long enough, or gives up waiting, s.
     fn good_since(&self, began: f64) -> f64 {
         let mut good = began;
         for [from, to] in &self.low {
@@ -284,13 +284,13 @@ impl<'a> FaultyRun<'a> {
         good.min(began + PATIENCE) + GOOD
     }
 
-    /// The boot that a fault meets. One that resets at once is not of the boot that it begins.
+    /// The boot in which a fault occurs. A fault that resets at once belongs to the boot that it ends.
     fn boot_at(&self, time: f64) -> &BootSpan {
         let number = self.boots.iter().rposition(|boot| boot.began < time - INSTANT);
         &self.boots[number.unwrap_or(0)]
     }
 
-    /// The latest time at which a report of `time` has left, s.
+    /// Latest time by which a report made at `time` has left, s.
     fn leaves(&self, time: f64) -> f64 {
         let mut leaves = time + LEAVES;
         for [from, to] in &self.stalls {
@@ -301,13 +301,13 @@ impl<'a> FaultyRun<'a> {
         leaves
     }
 
-    /// True if a report of `time` leaves before the boot ends.
+    /// True if a report made at `time` leaves before the boot ends.
     fn survives(&self, boot: &BootSpan, time: f64) -> bool {
         self.leaves(time) < boot.fatal.min(boot.end)
     }
 
-    /// The report of a fault that begins at `from` and is found at `found`, s. It is required if it is `sure`
-    /// and can leave before the boot ends.
+    /// The report of a fault that begins at `from` and is found at `found`, s. The report is required if
+    /// the fault is `sure` and the report can leave before the boot ends.
     fn expected(
         &self,
         boot: &BootSpan,
@@ -326,7 +326,7 @@ impl<'a> FaultyRun<'a> {
         }
     }
 
-    /// The report that `cause` is over: as [`expected`](Self::expected).
+    /// The report that `cause` is over; as for [`expected`](Self::expected).
     fn recovery(&self, boot: &BootSpan, cause: FaultCause, times: [f64; 2], sure: bool) -> ExpectedReport {
         ExpectedReport {
             over: Some(cause),
@@ -334,7 +334,7 @@ impl<'a> FaultyRun<'a> {
         }
     }
 
-    /// True if a fault explains a reset that ended a boot at a time, s.
+    /// True if a fault explains the reset that ended a boot at `at`, s.
     fn explains(&self, fault: &Planned, boot: &BootSpan, at: f64, cause: ResetCause) -> bool {
         let within = reset_within(fault.kind).unwrap_or(0.0);
         let in_time = fault.at >= boot.began && (fault.at..=fault.at + within).contains(&at);
@@ -366,13 +366,13 @@ impl<'a> FaultyRun<'a> {
             if cause == ResetCause::PowerCut {
                 continue;
             }
-            // Short stalls that follow one another end in a panic, too.
+            // Consecutive short stalls end in a panic, too.
             let causes = faults.iter().filter_map(|&fault| match &self.faults[fault] {
                 stall if stall.kind == PlannedKind::UartStall => Some(FaultCause::Panic),
                 fault => fault.cause(),
             });
             let next = &self.boots[number + 1];
-            // It is reported when the start is done, and again with the frames of every second if the line
+            // The reset is reported after the start, and again with the frames of every second if the line
             // was busy.
             let until = self.leaves(next.latest);
             due.push(ExpectedReport {
@@ -419,7 +419,7 @@ impl<'a> FaultyRun<'a> {
         overruns.any(|(_, fault)| (fault.at..fault.at + SET_UP_ANEW).contains(&time))
     }
 
-    /// Overruns: each is reported, but two that are close may have one report.
+    /// Expects a report of each overrun; two that are close may share one.
     fn overruns(&self, due: &mut Vec<ExpectedReport>) {
         let stops = [PlannedKind::AdcOverrun, PlannedKind::AdcDmaError];
         for (index, fault) in self.of_kind(PlannedKind::AdcOverrun) {
@@ -427,7 +427,7 @@ impl<'a> FaultyRun<'a> {
             let near = self.faults.iter().filter(|other| {
                 stops.contains(&other.kind) && (other.at - fault.at).abs() < 2.0 * SET_UP_ANEW
             });
-            // It is near itself.
+            // The count includes the overrun itself.
             let sure = near.count() == 1 && boot.latest <= fault.at;
             let found = (fault.at + SET_UP_ANEW).max(boot.latest);
             due.push(self.expected(boot, FaultCause::AdcOverrun, [fault.at, found], sure, vec![index]));
@@ -467,7 +467,7 @@ impl<'a> FaultyRun<'a> {
         }
     }
 
-    /// Sensors whose codes stand still or lie at a rail for long enough.
+    /// Expects reports of sensors whose codes stand still or are at a rail for long enough.
     fn sensors(&self, rows: &[[u16; 4]], due: &mut Vec<ExpectedReport>) {
         let causes = [
             [FaultCause::ForceStuck, FaultCause::ForceRailed],
@@ -534,7 +534,7 @@ impl<'a> FaultyRun<'a> {
         runs && !self.faults.iter().any(near)
     }
 
-    /// Longest time without samples between two times because of overruns, s.
+    /// Longest total time without samples because of overruns between two times, s.
     fn gaps(&self, from: f64, to: f64) -> f64 {
         let overruns = self.of_kind(PlannedKind::AdcOverrun);
         let within = overruns.filter(|(_, fault)| (from - SET_UP_ANEW..to).contains(&fault.at));
@@ -548,7 +548,7 @@ fn crashes(kind: PlannedKind) -> bool {
     matches!(kind, AdcDmaError | Panic | HardFault | Hang | StackOverflow)
 }
 
-/// Longest time from a fault to the reset that it ends in, s; `None` if it ends in none by itself.
+/// Longest time from a fault to the reset that it causes, s; `None` if it causes none by itself.
 fn reset_within(kind: PlannedKind) -> Option<f64> {
     match kind {
         PlannedKind::PowerCut => Some(1e-3),
@@ -579,8 +579,8 @@ fn low(faults: &[Planned]) -> Vec<[f64; 2]> {
     low
 }
 
-/// Intervals, s, in which the codes of a sensor stand still or lie at a rail for long enough to be found; and
-/// true for those at a rail.
+/// Intervals, s, in which the codes of a sensor stand still or are at a rail for long enough to be found,
+/// each with true if at a rail.
 fn standing(rows: &[[u16; 4]], sensor: usize) -> Vec<(bool, [f64; 2])> {
     let rail = |code: u16| match code {
         code if code < RAIL => Some(0),
@@ -590,7 +590,7 @@ fn standing(rows: &[[u16; 4]], sensor: usize) -> Vec<(bool, [f64; 2])> {
     let seconds = |row: usize| row as f64 / f64::from(SAMPLE_RATE_HZ);
     let least = (FOUND[0] * f64::from(SAMPLE_RATE_HZ)) as usize;
     let mut found = Vec::new();
-    // Both gains of a sensor fail together here: the first tells.
+    // Both gains of a sensor fail together here, so the first suffices.
     let codes: Vec<u16> = rows.iter().map(|row| row[2 * sensor]).collect();
     let mut from = 0;
     while from < codes.len() {
@@ -655,8 +655,8 @@ mod tests {
         check_reports(&faults, &run.stimulus, &starts, &log)
     }
 
-    /// Asserts that a run in which all strikes were measured has these faults of the bead: a part of each
-    /// line.
+    /// Asserts that a run in which all strikes were measured has these faults of the bead, each given by a
+    /// part of its line.
     #[track_caller]
     fn assert_wrong(faults: &str, resets: Resets<'_>, reported: Reports<'_>, parts: &[&str]) {
         let wrong = run(faults, resets, reported, results()).wrong;
@@ -715,7 +715,7 @@ mod tests {
         assert_wrong(faults, &resets, &[panic, (0.57, AdcOverrun, "")], &[]);
         let outcomes = run(faults, &resets, &[panic], Vec::new()).outcomes;
         assert_eq!(outcomes, [FaultOutcome::Reported, FaultOutcome::Excused]);
-        // Of two that end one boot, one is reported.
+        // Of two faults that end one boot, one is reported.
         let (faults, hard_fault) = ("panic 0.5; hard_fault 0.501", (0.56, HardFault, ""));
         assert_wrong(faults, &resets, &[hard_fault], &[]);
         assert_wrong(faults, &resets, &[], &[MISSING]);
@@ -732,7 +732,7 @@ mod tests {
         let short = "force_stuck 0.5 duration=0.04";
         assert_wrong(short, &[], &[], &[]);
         assert_wrong(short, &[], &[(0.54, ForceStuck, "")], &[SPURIOUS]);
-        // At a rail for a while in between, it is another fault.
+        // A spell at a rail in between is another fault.
         let within = "force_stuck 0.3 duration=0.5; force_railed 0.4 duration=0.3";
         let reported = [
             (0.36, ForceStuck, ""),

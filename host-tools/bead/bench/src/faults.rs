@@ -96,8 +96,8 @@ impl PlannedKind {
         self.sensor().is_some() || matches!(self, Self::Supply | Self::UartStall)
     }
 
-    /// For the fault of a sensor: the columns of the stimulus that it changes, which are those of both gains,
-    /// and the cause under which a bead reports it if it lasts long enough.
+    /// For the fault of a sensor: the columns of the stimulus that it changes, one for each gain, and the
+    /// cause under which a bead reports it if it lasts long enough.
     fn sensor(self) -> Option<(Range<usize>, FaultCause)> {
         match self {
             Self::ForceStuck => Some((0..2, FaultCause::ForceStuck)),
@@ -140,7 +140,7 @@ impl Planned {
             PlannedKind::HardFault => Some(FaultCause::HardFault),
             PlannedKind::Hang => Some(FaultCause::Watchdog),
             PlannedKind::StackOverflow => Some(FaultCause::StackOverflow),
-            // The bead's identity says so: a power-on reset is no fault.
+            // A power-on reset is no fault; the bead's identity shows it.
             PlannedKind::PowerCut => None,
             _ => {
                 let is_found = self.duration.is_none_or(|duration| duration >= FOUND);
@@ -154,7 +154,7 @@ impl Planned {
         self.kind.sensor().map(|(_, cause)| cause)
     }
 
-    /// Longest time to the bead's report, s: with its restart, if the fault ends in a reset.
+    /// Longest time to the bead's report, s, including a restart if the fault ends in a reset.
     pub fn reported_within(&self) -> f64 {
         const FRAME: f64 = 0.05;
         const START: f64 = 0.5;
@@ -168,7 +168,8 @@ impl Planned {
         }
     }
 
-    /// True if the fault hides a strike that begins at `time`, s after the first scan, from the force sensor.
+    /// True if the fault hides from the force sensor a strike that begins at `time`, s after the first
+    /// scan.
     pub fn hides(&self, time: f64) -> bool {
         /// Time from the start of a strike to the end of its rise, s.
         const PULSE: f64 = 0.01;
@@ -204,8 +205,8 @@ impl Planned {
     }
 }
 
-/// Makes faults happen in a run, whose codes come from this front end. Of faults of one sensor that overlap,
-/// the last one counts.
+/// Injects faults into a run whose codes come from this front end. Of overlapping faults of one sensor, the
+/// last one counts.
 pub fn provoke(faults: &[Planned], front_end: &AnalogFrontEnd, run: &mut Run) {
     let supply = supply(faults);
     let ends = supply.iter().skip(1).map(|(at, _)| *at).chain([f64::INFINITY]);
@@ -228,9 +229,9 @@ pub fn provoke(faults: &[Planned], front_end: &AnalogFrontEnd, run: &mut Run) {
     }));
 }
 
-/// The supply under these faults: from when on, in s after the first scan, it has which voltage, in V. Of
-/// faults that overlap, the one that began last counts as long as it lasts; then one that still lasts, and a
-/// good supply if none does.
+/// The supply under these faults: times of its changes, s after the first scan, and the voltage from then,
+/// V. Of overlapping faults, the last to begin counts until its end, then one that still lasts; without a
+/// fault the supply is good.
 pub fn supply(faults: &[Planned]) -> Vec<(f64, f64)> {
     let mut faults = Vec::from_iter(faults.iter().filter(|fault| fault.kind == PlannedKind::Supply));
     faults.sort_by(|a, b| a.at.total_cmp(&b.at));
@@ -250,7 +251,7 @@ pub fn supply(faults: &[Planned]) -> Vec<(f64, f64)> {
     times.into_iter().map(at).collect()
 }
 
-/// Scans in this time; all of them in one without end.
+/// Scans in this time; an infinite time returns `usize::MAX`.
 fn rows(seconds: f64) -> usize {
     (seconds * f64::from(SAMPLE_RATE_HZ)).round() as usize
 }
@@ -320,7 +321,7 @@ fn entries(file: &TomlFile<'_>) -> Result<Vec<FaultTable>, InputError> {
 }
 
 impl FaultTable {
-    /// Checks the table, which is the `number`th of its file, from 1.
+    /// Checks the table, number `number` of its file, counted from 1.
     fn planned(self, number: usize) -> Result<Planned, InputError> {
         let error = |key: &str, what: &str, advice: &str| {
             InputError::at(format!("fault[{number}].{key}"), what, advice)
@@ -518,10 +519,10 @@ at = 1.0, kind = 'supply', volts = 5.0 | 4: fault[1].volts: not a voltage that t
         let expected = [(50, 2500), (100, 2600), (225, 2500), (350, 3300)];
         assert_eq!(supply(&format!("{long};{short}")), expected);
         assert_eq!(supply(&format!("{short};{long}")), expected);
-        // One that lasts to the end of the run is there again after another one.
+        // A fault that lasts to the end of the run is back after a shorter one.
         let expected = [(50, 2800), (100, 2600), (225, 2800)];
         assert_eq!(supply(&format!("supply 0.05 volts=2.8;{short}")), expected);
-        // One that is over before the other.
+        // The first fault ends before the second.
         let expected = [(50, 2500), (100, 2600), (150, 2600), (225, 3300)];
         let over = "supply 0.05 volts=2.5 duration=0.1";
         assert_eq!(supply(&format!("{over};{short}")), expected);

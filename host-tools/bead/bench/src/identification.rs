@@ -31,7 +31,7 @@ use crate::model_bead::recorded;
 
 /// Half width of the range that each parameter is drawn from, as a part.
 const RANGE: f64 = 0.2;
-/// Part of the intervals of 95 % that has to hold the truth: least and greatest.
+/// Least and greatest part of the intervals of 95 % that may hold the truth.
 const COVERED: [f64; 2] = [0.93, 0.97];
 /// Least probability of the ranks, if they are uniform.
 const LEAST_PROBABILITY: f64 = 0.01;
@@ -90,7 +90,7 @@ impl Nominal {
     /// Draws bead number `number`, strikes it `strikes` times, and identifies it.
     ///
     /// # Errors
-    /// Its chain cannot be simulated, it finds no strike, or the fit finds no end.
+    /// Its chain cannot be simulated, it finds no strike, or the fit does not converge.
     pub fn draw(&self, seed: u64, number: u32, strikes: u32) -> Result<DrawnIdentification, BenchError> {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         random.set_stream(number.into());
@@ -159,7 +159,7 @@ impl Nominal {
             let ([low, high], _) = found.intervals[place];
             outcome.covered[at] = (low..=high).contains(&truth);
         }
-        // The speed is the first strike's own number.
+        // The speed is the first of the strike's own numbers.
         let strike = &found.best.strikes[0];
         let (log, error) = (
             strike.own[0],

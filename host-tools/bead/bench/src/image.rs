@@ -9,7 +9,7 @@ use std::sync::OnceLock;
 
 use crate::error::BenchError;
 
-/// The image as `cargo xtask build` leaves it in the target directory.
+/// Path of the image that `cargo xtask build` writes, in the target directory.
 const IMAGE: &str = "thumbv7em-none-eabihf/firmware/bead-firmware";
 
 static CARRIED: OnceLock<&'static [u8]> = OnceLock::new();
@@ -57,7 +57,7 @@ pub fn find_image(given: Option<&Path>) -> Result<PathBuf, BenchError> {
     }
 }
 
-/// True if a file begins as an ELF file for ARM does. QEMU reads the rest, after the simulation.
+/// True if a file begins like an ELF file for ARM. QEMU reads the rest, after the simulation.
 fn is_arm_elf(path: &Path) -> bool {
     const MACHINE_ARM: [u8; 2] = [40, 0];
     let mut head = [0; 20];
@@ -91,8 +91,8 @@ fn link(file: &File) -> PathBuf {
     format!("/proc/{}/fd/{}", process::id(), file.as_raw_fd()).into()
 }
 
-/// The bytes that a part with this image has from an address of flash on. Where the image has nothing, flash
-/// is erased. `None` if the file is no image, or has nothing there.
+/// The bytes that a part with this image has in flash from `address`. Where the image has nothing, flash is
+/// erased. `None` if the file is no image, or has nothing there.
 pub fn flash_bytes(image: &Path, address: u32, bytes: u32) -> Option<Vec<u8>> {
     use object::elf::{FileHeader32, PT_LOAD};
     use object::read::elf::{FileHeader, ProgramHeader};

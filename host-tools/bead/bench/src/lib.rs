@@ -1,5 +1,5 @@
-//! A bead in the emulator: its image in QEMU, faults, and the comparison of a run with the simulation. And a
-//! bead without sensors, in the emulator or on a real board, that plays to itself ([`loopback`]).
+//! A bead in the emulator: its image in QEMU, faults, and the comparison of a run with the simulation; and
+//! a bead without sensors, in the emulator or on a real board, that plays to itself ([`loopback`]).
 
 pub mod accuracy;
 pub mod bridge;

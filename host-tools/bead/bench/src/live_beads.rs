@@ -1,10 +1,10 @@
-//! Emulated beads of one chain behind sockets of their own, for programs that listen to live beads.
+//! Emulated beads of one chain, each behind a socket, for programs that listen to live beads.
 //!
 //! # Design
-//! Each bead is an image in a QEMU of its own, whose time follows this computer's. All feel one strike, again
-//! and again. Their crystals are true and they are switched on together: codes repeat after a number of
-//! scans, and on crystals that differ the strikes would drift apart. Edges at their sync inputs come every
-//! `SYNC_EVERY` for an hour. The beads have one pace: when a busy computer holds one up, all wait for it.
+//! Each bead is an image in its own QEMU, whose time follows this computer's. All feel one strike, again
+//! and again. Their crystals are exact and they start together: codes repeat after a number of scans, so
+//! with different crystals the strikes would drift apart. Edges at their sync inputs come every
+//! `SYNC_EVERY` for an hour. The beads share a pace: when a busy computer delays one, all wait for it.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -22,7 +22,7 @@ use bead_compare::sensed::{Timing, simulate_with_ring_down};
 use bead_line::port::Address;
 use bead_model::design::Uncertainty;
 
-/// Time between two edges at the sync inputs, s, and from the first one to the last.
+/// Interval of the edges at the sync inputs, and time of the last one, s.
 const SYNC_EVERY: f64 = 0.1;
 const SYNC_FOR: f64 = 3600.0;
 /// Quiet time before the strike, s, in which the image starts and arms its detector.
@@ -32,13 +32,13 @@ const LEAD_IN: f64 = 0.05;
 pub struct LiveBeads {
     beads: Vec<(Emulation, Door, Address)>,
     pace: f64,
-    /// Folder of the sockets, of a name that no program has used. It goes when this is dropped.
+    /// Folder of the sockets, with a unique name. Dropping it removes it.
     _sockets: TempDir,
 }
 
 impl LiveBeads {
     /// Puts beads at these places of a chain, each behind a socket in a folder for temporary files. Their
-    /// settings state these uncertainties, if any. `seed` is that of the noise; without one there is none.
+    /// settings state these uncertainties, if any. `seed` is the seed of the noise; `None` without noise.
     ///
     /// # Errors
     /// A bead has no intruder, no settings fit it, or its socket cannot be made.
@@ -79,20 +79,21 @@ impl LiveBeads {
         })
     }
 
-    /// Lets the beads have so many seconds in one of this computer.
+    /// Sets the pace: seconds of the beads per second of this computer.
     #[must_use]
     pub fn with_pace(self, pace: f64) -> Self {
         Self { pace, ..self }
     }
 
-    /// The addresses at which the beads are, in the order of their places.
+    /// The addresses of the beads, in the order of their places.
     pub fn addresses(&self) -> impl Iterator<Item = &Address> {
         self.beads.iter().map(|(_, _, address)| address)
     }
 
-    /// Runs the beads until `stop`. A bead that fails ends alone, and `note` takes a line about it.
+    /// Runs the beads until `stop`. A bead that fails does not stop the others; `note` takes a line about
+    /// it.
     pub fn serve(&self, stop: &AtomicBool, note: &(dyn Fn(String) + Sync)) {
-        // On a busy computer too the wave goes from one to the next as it does in the chain.
+        // With a shared pace, even on a busy computer the wave reaches the beads as it does in the chain.
         let pace = &Pace::new(self.pace);
         thread::scope(|scope| {
             for (emulation, door, _) in &self.beads {

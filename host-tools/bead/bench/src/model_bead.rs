@@ -1,4 +1,4 @@
-//! A bead on this computer: the bit-exact code of the bead on what its sensors convert.
+//! A bead on this computer: the bit-exact code of the bead, fed with what its sensors would convert.
 
 use bead_model::settings::Settings;
 use bead_model::{Chunk, Meter, Scan, Sink};
@@ -9,7 +9,7 @@ use hertz_chain::Solution;
 use bead_compare::front_end::AnalogFrontEnd;
 use bead_compare::sensed::{Sensed, Timing};
 
-/// Time after the last strike, s: a meter measures three of five scans that come, so it lags behind a window.
+/// Time after the last strike, s: a meter measures three of every five scans, so it lags behind a window.
 const TAIL: f64 = 0.02;
 
 /// The results of a meter in their order, and the samples of the first window.
@@ -63,7 +63,7 @@ pub fn recorded(
 }
 
 /// The results of a bead with these settings for the first window after each strike of a simulated chain. A
-/// later window is an echo. `seed` is that of the noise.
+/// later window is an echo. `seed` is the seed of the noise.
 pub fn measured(
     settings: &Settings,
     front_end: &AnalogFrontEnd,

@@ -1,4 +1,4 @@
-//! Codes of a run that goes on without end: the same strikes again and again, each time with other noise.
+//! Codes of an endless run: the same strikes again and again, each time with different noise.
 
 use std::sync::Arc;
 
@@ -8,14 +8,14 @@ pub(super) type WithOtherNoise = Arc<dyn Fn(u64) -> Vec<[u16; 4]> + Send + Sync>
 /// Codes at the converter, without end.
 pub(super) struct Playback {
     rows: Vec<[u16; 4]>,
-    /// Number of codes that were taken.
+    /// Number of rows of codes that were taken.
     pub(super) taken: u64,
-    /// Seed of the noise and what digitises with another one; `None` without noise.
+    /// Seed of the noise, and a function that digitises with another seed; `None` without noise.
     noise: Option<(u64, WithOtherNoise)>,
 }
 
 impl Playback {
-    /// Begins with these codes, which are not empty.
+    /// Begins with these codes, which must not be empty.
     pub(super) fn new(rows: Vec<[u16; 4]>, noise: Option<(u64, WithOtherNoise)>) -> Self {
         Self {
             rows,

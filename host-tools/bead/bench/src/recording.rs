@@ -12,8 +12,8 @@ use bead_compare::front_end::SAMPLE_RATE_HZ;
 use bead_recording::file::{About, Part, RecordingError, RecordingOrigin, RecordingWriter};
 use bead_tables::whole::Target;
 
-/// Writes everything that belongs to a run to one recording, and returns its path. `scenario` is the text of
-/// the scenario's file; `about` has its notes, and gets what the run knows. A recording that fails is
+/// Writes everything that belongs to a run to one recording, and returns its path. `scenario` is the text
+/// of the scenario's file. `about` holds its notes; this adds what the run knows. A recording that fails is
 /// removed.
 ///
 /// # Errors

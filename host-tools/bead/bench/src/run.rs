@@ -186,7 +186,7 @@ impl RunReport {
                 corrupt: counters.rejected.total(),
                 dropped_by_cause: BTreeMap::from([("queue_full", queue_full), ("too_long", too_long)]),
             },
-            // The bead must have noticed what the converter saw.
+            // The bead must notice every overrun of the converter; if not, the greater count shows it.
             overruns: measured.overruns.max(statuses.sum(|status| status.overruns)),
             resets: measured.resets,
             strikes_passed_over: passed_over(&frames),
@@ -215,7 +215,7 @@ impl RunReport {
             }
         }
         let mut begun = None;
-        // After a reset the indices begin anew and do not tell which strike it was.
+        // After a reset the indices start again at 0 and no longer identify the strike.
         let is_known = measured.resets == 0;
         for strike in assemble(frames, Some(emulation.settings)) {
             let before = std::mem::replace(&mut begun, truth.begun(strike.said.trigger_index));
@@ -288,7 +288,7 @@ impl RunReport {
         Ok(())
     }
 
-    /// With faults: each is reported, no report is spurious, and all losses are counted.
+    /// Checks a run with faults: each is reported, no report is spurious, and all losses are counted.
     fn verdict_on_faults(&self, struck: usize) -> anyhow::Result<()> {
         if let Some(what) = self.wrong.first() {
             bail!("{what}");
@@ -308,7 +308,7 @@ impl RunReport {
             let seen = count(self.overruns, "overrun");
             bail!("{seen} where {overruns} were provoked");
         }
-        // A reset cuts the frame that is being sent, and takes what waits with it.
+        // A reset cuts the frame that is being sent, and discards those that wait.
         ensure!(
             lost == dropped && corrupt <= resets as u64,
             "{} lost and {corrupt} corrupt where the bead dropped {dropped} and {} cut one each at most",
@@ -359,14 +359,14 @@ fn out_of_range(report: &RunReport, front_end: &AnalogFrontEnd) -> Option<String
     })
 }
 
-/// Number of strikes, by the indices at which they begin, that no bead could see for these faults.
+/// Number of strikes that these faults hide from any bead. `starts` are the indices at which strikes begin.
 fn hidden(faults: &[Planned], starts: &[f64]) -> usize {
     let times = starts.iter().map(|start| start / f64::from(SAMPLE_RATE_HZ));
     let is_hidden = |time: &f64| faults.iter().any(|fault| fault.hides(*time));
     times.filter(is_hidden).count()
 }
 
-/// Strikes passed over, in all boots: the count begins anew with each, and only grows meanwhile.
+/// Strikes passed over in all boots. The count restarts at each boot, and only grows within one.
 fn passed_over(frames: &[Frame]) -> u64 {
     let (mut before, mut last) = (0, (0, 0));
     for frame in frames {
@@ -416,7 +416,7 @@ mod tests {
     #[test]
     fn strikes_under_a_force_sensor_that_stands_still_are_hidden_and_others_are_not() {
         let faults = planned("force_stuck 0.5 duration=0.25; acceleration_stuck 1.2 duration=0.25");
-        // One every 0.1 s: at 0.5, 0.6 and 0.7 s the sensor stands still.
+        // There is a strike every 0.1 s. At 0.5, 0.6 and 0.7 s the sensor stands still.
         let starts: Vec<f64> = (0..20).map(|strike| 1e4 * f64::from(strike)).collect();
         assert_eq!(hidden(&faults, &starts), 3);
         assert_eq!(hidden(&[], &starts), 0);

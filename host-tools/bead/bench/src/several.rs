@@ -1,13 +1,13 @@
-//! Several beads of one chain on one strike and one time: their places, and their runs.
+//! Several beads of one chain that share strike and time: their places, and their runs.
 //!
 //! # Design
-//! Each bead is an image in a QEMU of its own, so its bytes do not depend on how many run at once. The beads
+//! Each bead is an image in its own QEMU, so its bytes do not depend on how many run at once. The beads
 //! share true time: the strike, the sync line, and the times in the recording.
 //!
-//! All beads run without the trigger line first. A bead that would have kept a window for a pull of another
-//! then runs once more, with the line as the others pulled it, until nothing changes (waveform relaxation:
-//! Lelarasmee, Ruehli and Sangiovanni-Vincentelli, 1982). A bead pulls milliseconds after its cause, so each
-//! round is right for that much longer. Where all beads feel the strike, none runs twice.
+//! All beads first run without the trigger line. A bead that would have kept a window for a pull of another
+//! then runs again, with the line as the others pulled it, until nothing changes (waveform relaxation:
+//! Lelarasmee, Ruehli and Sangiovanni-Vincentelli, 1982). A bead pulls milliseconds after its cause, so
+//! each round is right for that much longer. Where all beads feel the strike, none runs twice.
 
 use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -24,18 +24,17 @@ use bead_recording::file::{BeadIndex, RecordingError, RecordingWriter};
 /// Deviations of the crystals.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Crystals {
-    /// One after another, ppm; a single one is every bead's.
+    /// Crystal of each bead in order, ppm; a single value holds for every bead.
     Each(Vec<f64>),
-    /// By chance, up to this either way, ppm.
+    /// Chance draws each crystal from ± this, ppm.
     Spread(f64),
 }
 
-/// The beads at these places. Each has its place as its address, unless one is too far behind for that: then
-/// they are counted from 1. What is left to chance follows from `seed`, and so does the noise, if there is
-/// any.
+/// The beads at these places. Each has its place as its address; if a place exceeds the greatest address,
+/// the beads are numbered from 1. All that is left to chance, noise included, follows from `seed`.
 ///
 /// # Errors
-/// There are more beads than addresses, or not as many clocks as beads.
+/// There are more beads than addresses, or the numbers of clocks and beads differ.
 pub fn placed(
     beads: &[usize],
     crystals: &Crystals,
@@ -63,7 +62,7 @@ pub fn placed(
     let place = |(number, &bead): (usize, &usize)| Placed {
         bead,
         address: (if by_place { bead } else { number + 1 }) as u8,
-        // Neighbouring seeds have nothing in common.
+        // Neighbouring seeds are uncorrelated.
         seed: noise.then(|| seed.wrapping_add(bead as u64)),
         clock_ppm: {
             let part = chance.random_range(-1.0..=1.0);
@@ -84,8 +83,7 @@ const LAST_ADDRESS: usize = 254;
 /// Keeps what is left to chance apart from the noise of the same seed.
 const BY_CHANCE: u64 = 0x9e37_79b9_7f4a_7c15;
 
-/// Runs the beads, as many at once as this computer has cores. `done` is told how many have come to their
-/// end.
+/// Runs the beads, as many at once as this computer has cores. `done` takes the number of finished ones.
 ///
 /// # Errors
 /// One of them cannot be prepared or run.
@@ -98,13 +96,13 @@ pub fn run(
     let count = AtomicUsize::new(0);
     let one = |placed: &Placed| -> Result<(Emulation, Ran), BenchError> {
         let mut emulation = prepare(*placed)?;
-        // Alone, nobody hears it on the trigger line.
+        // A single bead has no listener on the trigger line.
         emulation.pulls = beads > 1;
         let ran = emulation.run()?;
         done(count.fetch_add(1, Ordering::Relaxed) + 1);
         Ok((emulation, ran))
     };
-    // Of several errors, that of the first bead is told.
+    // Of several errors, the first bead's is returned.
     let all: Vec<_> = placed.par_iter().with_max_len(1).map(one).collect();
     let mut all = all.into_iter().collect::<Result<Vec<_>, _>>()?;
     loop {
@@ -117,7 +115,7 @@ pub fn run(
     }
 }
 
-/// Intervals in which the other beads hold the trigger line low, in s of the time that all share.
+/// Intervals in which the other beads hold the trigger line low, in s of shared time.
 fn pulled_by_others(all: &[(Emulation, Ran)], bead: usize) -> Vec<[f64; 2]> {
     let others = all.iter().enumerate().filter(|(other, _)| *other != bead);
     let low = others.flat_map(|(_, (emulation, ran))| {
@@ -127,7 +125,7 @@ fn pulled_by_others(all: &[(Emulation, Ran)], bead: usize) -> Vec<[f64; 2]> {
     joined(low.collect())
 }
 
-/// Intervals in ascending order, with those that overlap made one.
+/// Intervals in ascending order, with overlapping ones merged.
 pub(crate) fn joined(mut times: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
     times.sort_by(|a, b| a[0].total_cmp(&b[0]));
     times.dedup_by(|later, earlier| {
@@ -140,7 +138,7 @@ pub(crate) fn joined(mut times: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
     times
 }
 
-/// Runs a bead again with the line as it is now, if that may make a difference. True if it ran.
+/// Runs a bead again with the present line if the result may change. Returns true if the bead ran.
 fn run_again((emulation, ran): &mut (Emulation, Ran), line: Vec<[f64; 2]>) -> Result<bool, BenchError> {
     let before = falls_followed(emulation, ran);
     let given = std::mem::take(&mut emulation.truth.line_low);
@@ -156,8 +154,8 @@ fn run_again((emulation, ran): &mut (Emulation, Ran), line: Vec<[f64; 2]>) -> Re
 /// Scans from the one that triggers to the fall of the line (`firmware/app/src/trigger_line.rs`).
 const LINE_DELAY: u64 = 600;
 
-/// Falls of the line that a bead may follow, in s since its first scan. It follows none while it measures a
-/// strike of its own, and none whose window would reach back into that.
+/// Falls of the line that a bead may follow, in s since its first scan. A bead follows no fall while it
+/// measures a strike of its own, and none whose window would reach back into that strike.
 fn falls_followed(emulation: &Emulation, ran: &Ran) -> Vec<f64> {
     let history = emulation.settings.window.history;
     let own = ran.frames.iter().filter_map(|frame| match &frame.message {
@@ -175,12 +173,12 @@ fn falls_followed(emulation: &Emulation, ran: &Ran) -> Vec<f64> {
     falls.filter(is_heard).collect()
 }
 
-/// Indices at which a bead surely follows no fall of the line, because of a strike of its own. Windows begin
-/// `history` scans before their trigger.
+/// Indices at which a bead certainly follows no fall of the line, because of a strike of its own. Windows
+/// begin `history` scans before their trigger.
 fn deaf_to_line(strike: &Strike, history: u16) -> Range<f64> {
     /// Greatest error of the index of a fall, scans.
     const UNSURE: f64 = 3.0;
-    // An image of another firmware may give any index.
+    // An image of another firmware may send any index.
     let last = strike.first_index.saturating_add(strike.samples.into());
     let end = last.saturating_add(u64::from(history) + LINE_DELAY);
     strike.trigger_index as f64 + UNSURE..end as f64 - UNSURE
@@ -198,7 +196,7 @@ pub fn write(ran: &[(BeadIndex, &Ran, f64)], writer: &mut RecordingWriter) -> Re
             ran.pieces(zero_ns).map(move |(at, bytes)| (at, *bead, bytes))
         })
         .collect();
-    // Of pieces at one time, the first bead's is first.
+    // Of pieces with equal times, the first bead's comes first.
     pieces.sort_by_key(|(at, ..)| *at);
     for (at, bead, bytes) in pieces {
         writer.write_of(bead, bytes, Some(at), |_| {})?;

@@ -15,7 +15,7 @@
 //! divider = 16.0
 //! ```
 //!
-//! The chain simulator does not know them, and a command that emulates nothing passes over them.
+//! The chain simulator does not know these tables, and a command that emulates nothing ignores them.
 
 use hertz_chain::{InputError, Scenario, TomlFile};
 use serde::Deserialize;
@@ -30,11 +30,11 @@ use stm32f405_qemu::AnalogWire;
 const SYNC_LEAST: f64 = 0.02;
 /// Greatest time from the first bead's start to the last one's, s.
 const START_SPREAD_MOST: f64 = 60.0;
-/// Paces of a bead that listens.
+/// Allowed paces of a bead that listens.
 const PACES: std::ops::RangeInclusive<f64> = 1e-3..=1e3;
 const SHIFT_MOST: u8 = 10;
 const DIVIDERS: std::ops::RangeInclusive<f64> = 1.0..=1e3;
-/// Noise of an input at the end of a wire, in codes rms: of the converter alone.
+/// Noise of an input at the end of a wire, codes rms: only the converter's.
 const INPUT_NOISE: f64 = 0.4;
 
 /// The tables of the bench. Each may be missing.
@@ -64,7 +64,7 @@ impl BenchTables {
         Ok(tables)
     }
 
-    /// The text of the tables alone, with each line at its number in the scenario file.
+    /// The text of these tables only, with each line at its number in the scenario file.
     ///
     /// # Errors
     /// The file is not TOML.
@@ -75,14 +75,14 @@ impl BenchTables {
     /// The wires, none if the bead has sensors.
     ///
     /// # Errors
-    /// [`InputError`] without file and line: there cannot be such a wire.
+    /// [`InputError`] without file and line: a wire is impossible.
     pub fn wires(&self) -> Result<Vec<AnalogWire>, InputError> {
         let wires = self.analog_wire.iter().enumerate();
         wires.map(|(number, table)| table.wire(number)).collect()
     }
 }
 
-/// `[[analog_wire]]`: a wire from an output of the converter from digital to analog to an input.
+/// `[[analog_wire]]`: a wire from an output of the digital-to-analog converter to an input.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AnalogWireTable {
@@ -90,7 +90,7 @@ pub struct AnalogWireTable {
     pub from: String,
     /// `PA0` to `PA3`: force and acceleration at the high gain and at the low gain.
     pub to: String,
-    /// Number by which resistors in the wire divide the voltage; 1 without any.
+    /// Factor by which resistors in the wire divide the voltage; 1 without resistors.
     #[serde(default = "AnalogWireTable::undivided")]
     pub divider: f64,
 }
@@ -100,7 +100,7 @@ impl AnalogWireTable {
         1.0
     }
 
-    /// The wire, where the table is the one of this number in its file, counted from 0.
+    /// The wire. `number` is the table's number in its file, from 0.
     fn wire(&self, number: usize) -> Result<AnalogWire, InputError> {
         let table = format!("analog_wire[{number}]");
         let ends = [
@@ -150,7 +150,7 @@ impl Sensors {
     }
 }
 
-/// `[front_end]`: how it differs from the reference.
+/// `[front_end]`: differences from the reference front end.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct FrontEndTable {
@@ -175,7 +175,7 @@ pub struct FrontEndTable {
 }
 
 impl FrontEndTable {
-    /// True unless the table takes the noise away.
+    /// True unless the table switches noise off.
     pub fn has_noise(&self) -> bool {
         self.noise != Some(false)
     }
@@ -183,7 +183,7 @@ impl FrontEndTable {
     /// The front end that the table describes.
     ///
     /// # Errors
-    /// [`InputError`] without file and line: no front end has such a value.
+    /// [`InputError`] without file and line: a value is impossible.
     pub fn front_end(&self) -> Result<AnalogFrontEnd, InputError> {
         let mut front_end = self.sensors.front_end();
         let AnalogFrontEnd { force, acceleration } = &mut front_end;
@@ -260,13 +260,13 @@ impl FrontEndTable {
 pub struct ClockTable {
     /// Deviation of each crystal, ppm, negative for a slow one. A single value holds for every bead.
     pub ppm: Vec<f64>,
-    /// Greatest ppm of crystals that chance chooses by the seed.
+    /// Greatest deviation, ppm, of crystals drawn by the seed.
     pub spread: Option<f64>,
-    /// Time within which chance starts each bead by the seed, s.
+    /// Time within which each bead starts, s, drawn by the seed.
     pub start_spread: f64,
     /// Time between edges at the sync input (PA15), which all beads share, s.
     pub sync_period: Option<f64>,
-    /// Seconds of the bead's time in one of this computer's, for a bead that listens. Without it its time
+    /// Seconds of the bead per second of this computer, for a bead that listens. Without it the bead's time
     /// passes as fast as it can while a program is connected.
     pub pace: Option<f64>,
     /// Least time of an instruction: 2^`shift` ns.

@@ -1,10 +1,10 @@
-//! The texts of a certificate that no measurement gives: laboratory, owner, references, conditions.
+//! The texts of a certificate that are not measured: laboratory, owner, references, conditions.
 
 use bead_model::design::Day;
 use hertz_chain::{InputError, TomlFile};
 use serde::{Deserialize, Serialize};
 
-/// Longest text that is taken, bytes.
+/// Longest accepted text, bytes.
 const LONGEST: usize = 400;
 /// Greatest length of the number of a certificate, which goes into the settings, bytes.
 const NUMBER: usize = 16;
@@ -52,7 +52,7 @@ pub struct Reference {
 }
 
 impl About {
-    /// Reads a file of such texts.
+    /// Reads a file with the texts of a certificate.
     ///
     /// # Errors
     /// One line: file, line, key, what is wrong and what would do.
@@ -124,7 +124,7 @@ impl About {
         }
     }
 
-    /// Statements that ISO/IEC 17025 (7.8.2 and 7.8.4) asks a certificate for, and this file leaves out.
+    /// Statements that ISO/IEC 17025 (7.8.2 and 7.8.4) requires of a certificate and this file lacks.
     pub fn missing(&self) -> Vec<&'static str> {
         let asked = [
             (self.number.is_empty(), "number of the certificate"),

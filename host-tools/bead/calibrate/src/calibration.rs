@@ -1,4 +1,4 @@
-//! The outcome of a procedure: results, what they were found from, what was left out, and what was checked.
+//! The outcome of a procedure: results, observations used and left out, and checks.
 
 use bead_recording::strikes::RecordedStrike;
 use bead_wire::StrikeFlags;
@@ -114,7 +114,7 @@ impl Calibration {
     }
 }
 
-/// Refuses a strike of which samples are missing.
+/// Refuses a strike with missing samples.
 pub(crate) fn all_samples(strike: &RecordedStrike) -> Result<(), String> {
     match strike.missing() {
         0 => Ok(()),
@@ -134,7 +134,8 @@ pub(crate) fn no_flag(strike: &RecordedStrike, flags: &[StrikeFlags], advice: &s
     })
 }
 
-/// The first observation that was left out and its reason in brackets, behind a blank; empty if none was.
+/// A blank and, in brackets, the first observation that was left out with its reason; empty if there is
+/// none.
 pub(crate) fn because(left_out: &[LeftOut]) -> String {
     let first = left_out.first();
     first.map_or(String::new(), |out| format!(" ({}: {})", out.subject, out.why))

@@ -9,12 +9,12 @@ use crate::calibration::Calibration;
 use crate::conformity::Conformity;
 use crate::model::{BudgetRow, CalibrationResult};
 
-/// A calibration with what its certificate says beside it.
+/// A calibration with the other contents of its certificate.
 #[derive(Debug)]
 pub struct Certificate<'a> {
     /// The calibration.
     pub calibration: &'a Calibration,
-    /// Texts that no measurement gives.
+    /// Texts that are not measured.
     pub about: &'a About,
     /// Day of the calibration.
     pub calibrated: String,
@@ -43,7 +43,7 @@ impl Certificate<'_> {
         };
         let tiles = calibration.results.iter().map(tile).collect();
         let mut sections = vec![self.identification(), results(calibration)];
-        // A result that is an input itself has no budget of its own.
+        // A result that is itself an input has no budget.
         let derived = calibration
             .results
             .iter()
@@ -183,7 +183,7 @@ fn stated(text: &str) -> String {
     (if text.is_empty() { NOT_STATED } else { text }).to_owned()
 }
 
-/// A value to as many digits as two of its uncertainty, and its name with that.
+/// A value with its uncertainty, both rounded to two digits of the uncertainty, and its name.
 fn tile(result: &CalibrationResult) -> (String, String) {
     let combined = &result.combined;
     let (unit, size) = prefixed(result);
@@ -215,7 +215,7 @@ fn prefixed(result: &CalibrationResult) -> (String, f64) {
     }
 }
 
-/// Degrees of freedom in words; beyond 10 000 their number says nothing.
+/// Degrees of freedom in words; a number beyond 10 000 is meaningless.
 fn freedom(free: Option<f64>) -> String {
     match free {
         Some(free) if free < 1e4 => format!("{free:.0}"),
@@ -295,7 +295,7 @@ fn observations(calibration: &Calibration) -> Chapter {
     let Some(first) = calibration.observations.first() else {
         return Chapter::new("Observations");
     };
-    // A narrow page has room for the first value and for the last, which is the result of the observation.
+    // A narrow page has room only for the first value and the last, the result of the observation.
     let last = first.values.len().saturating_sub(1);
     let headings = first.values.iter().enumerate().map(|(place, value)| {
         let mark = if (1..last).contains(&place) { "~" } else { "" };

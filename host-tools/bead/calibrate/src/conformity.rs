@@ -1,4 +1,4 @@
-//! A statement of conformity: whether a setting was within a tolerance of what was found.
+//! A statement of conformity: the agreement of settings with the results, within a tolerance.
 
 use schemars::JsonSchema;
 use serde::Serialize;

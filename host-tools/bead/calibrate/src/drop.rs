@@ -1,8 +1,8 @@
 //! The drop test: the gain of the force from the momentum of a ball.
 //!
 //! # Design
-//! A ball of mass m falls from a height h onto the cap, bounces and lands again after T. While it touches for
-//! T_c, its weight acts too; it flies for T - T_c. So the force's area is
+//! A ball of mass m falls from a height h onto the cap, bounces and lands again after T. During each
+//! contact, T_c, its weight acts too; it flies for T - T_c. So the force's area is
 //!
 //! J = m (v_in + v_out + g T_c),  v_in = √(2 g h),  v_out = g (T - T_c) / 2,
 //!
@@ -20,11 +20,12 @@ use crate::model::median;
 pub use crate::momentum::DropInputs;
 use crate::momentum::{Drop, combine, gain_of};
 
-/// A gap between strikes that is longer than the longest flight by this factor begins another drop.
+/// Factor over the longest flight beyond which a gap between strikes begins another drop.
 const LATER: f64 = 1.05;
-/// Part by which a drop's gain may differ from the middle of all; a ball that grazes hands over less.
+/// Greatest relative deviation of a drop's gain from the median of all: a ball that grazes the cap transfers
+/// less momentum.
 const GRAZED: f64 = 0.1;
-/// Drops at a height at least: one has no scatter.
+/// Least number of drops at a height: one has no scatter.
 const FEWEST: usize = 2;
 /// Strikes of one recording, all from one height.
 #[derive(Debug, Clone)]
@@ -50,7 +51,7 @@ pub fn evaluate(series: &[DropSeries], stated: &DropInputs) -> Result<Calibratio
             .get(one.height)
             .ok_or("a recording has no height; give one --height for each, or one for all")?;
         let flight = 2.0 * (2.0 * height.value / stated.gravity.value).sqrt();
-        // A window on request, or by the trigger line, is no landing.
+        // A window opened on request or by the trigger line is no landing.
         let landings: Vec<&RecordedStrike> =
             one.strikes.iter().filter(|strike| is_by_force(strike)).collect();
         for (number, group) in groups(&landings, LATER * flight).into_iter().enumerate() {
@@ -62,7 +63,7 @@ pub fn evaluate(series: &[DropSeries], stated: &DropInputs) -> Result<Calibratio
         }
     }
     let gains: Vec<f64> = drops.iter().map(|(_, drop)| gain_of(stated, drop)).collect();
-    // Of each height by itself: whether heights agree is judged by their uncertainty.
+    // One median for each height: a check with their uncertainty judges whether heights agree.
     let middles: Vec<f64> = (0..stated.heights.len())
         .map(|height| {
             let at = drops
@@ -118,7 +119,7 @@ fn is_by_force(strike: &RecordedStrike) -> bool {
     !flags.has(StrikeFlags::TRIGGERED_BY_LINE) && !flags.has(StrikeFlags::TRIGGERED_ON_REQUEST)
 }
 
-/// Strikes that follow each other within a time, s.
+/// Groups of strikes that follow each other within a time, s.
 fn groups<'a, 'b>(strikes: &'a [&'b RecordedStrike], within: f64) -> Vec<&'a [&'b RecordedStrike]> {
     let time = |strike: &RecordedStrike| {
         strike.said.trigger_index as f64 / f64::from(strike.rate().unwrap_or(100_000))

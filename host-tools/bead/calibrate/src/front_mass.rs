@@ -1,5 +1,4 @@
-//! The front mass: the force that the crystal feels of a shaken bead whose cap is free, over the
-//! acceleration.
+//! The front mass: the force on the crystal over the acceleration, in a shaken bead whose cap is free.
 //!
 //! # Design
 //! m_front = F/a at 50 to 500 Hz, far below every resonance. The force's gain is that of the settings, and
@@ -12,10 +11,9 @@ use crate::points::{Measured, Point, Points};
 
 /// Frequencies that count, Hz.
 const RANGE: [f64; 2] = [50.0, 500.0];
-/// Points at least.
+/// Least number of points.
 const FEWEST: usize = 3;
-/// The mass may change by so much over the frequencies, as a part; by three standard errors where that is
-/// more.
+/// Greatest relative change of the mass over the frequencies, unless three standard errors are more.
 const LEVEL: f64 = 0.02;
 
 /// Quantities that an operator states, and those of the settings.
@@ -86,7 +84,7 @@ pub fn evaluate(points: &Points, stated: &FrontMassInputs) -> Result<Calibration
     })
 }
 
-/// Checks that the mass does not change over the frequencies: by a straight line through all.
+/// Checks with a straight line through all points that the mass does not change over the frequencies.
 fn level(points: &[&Point], masses: &[f64], mean: f64) -> Check {
     let count = masses.len() as f64;
     let middle = points.iter().map(|point| point.frequency).sum::<f64>() / count;
@@ -145,7 +143,7 @@ mod tests {
         let found = evaluate(&points(0.0), &stated).unwrap();
         let result = &found.results[0].combined;
         assert!((result.value - 8.4e-3).abs() < 1e-9, "{result:?}");
-        // The quotient is no straight line over ± 1 %.
+        // The quotient is not linear over ± 1 %.
         assert!((result.u / result.value / f64::hypot(0.01, 0.002) - 1.0).abs() < 2e-4);
         assert_eq!((found.doubt(), found.left_out.len()), (None, 1));
         let doubt = evaluate(&points(0.05), &stated).unwrap().doubt();

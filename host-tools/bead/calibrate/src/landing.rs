@@ -7,11 +7,11 @@ use bead_wire::StrikeFlags;
 
 use crate::calibration::{all_samples, no_flag};
 
-/// A code is part of the contact above this part of the peak, and above this many standard deviations of the
-/// quiet.
+/// Thresholds of the codes that belong to the contact: a part of the peak, and standard deviations of the
+/// quiet. Both must be exceeded.
 const CONTACT_PART: f64 = 0.005;
 const CONTACT_NOISE: f64 = 4.0;
-/// Samples summed before and behind the contact.
+/// Samples summed before and after the contact.
 const MARGIN: usize = 16;
 
 /// A landing.
@@ -35,7 +35,7 @@ impl Landing {
     /// Measures the pulse of a strike.
     ///
     /// # Errors
-    /// One line: why this strike is no whole landing, and what would help.
+    /// The strike is no complete landing. One line: the reason, and what would help.
     pub(crate) fn of(strike: &RecordedStrike) -> Result<Self, String> {
         all_samples(strike)?;
         let codes: Vec<u16> = strike.scans.iter().map(|scan| scan.sensitive[0]).collect();
@@ -57,7 +57,7 @@ impl Landing {
     }
 }
 
-/// The pulse in the codes of a window, which begins at this sample index.
+/// The pulse in the codes of a window that begins at this sample index.
 fn pulse(codes: &[f64], first_index: u64) -> Result<Landing, String> {
     let baseline = usize::from(BASELINE);
     let (Some(quiet), Some(rest)) = (codes.get(..baseline), codes.get(baseline..)) else {
@@ -65,12 +65,12 @@ fn pulse(codes: &[f64], first_index: u64) -> Result<Landing, String> {
     };
     let zero = quiet.iter().sum::<f64>() / quiet.len() as f64;
     let squares: f64 = quiet.iter().map(|code| (code - zero).powi(2)).sum();
-    // Rounding alone scatters by 1/√12 of a code.
+    // The rounding scatters by 1/√12 of a code even without noise.
     let noise = (squares / (quiet.len() - 1) as f64).max(1.0 / 12.0).sqrt();
     let forces: Vec<f64> = rest.iter().map(|code| code - zero).collect();
     let peak = forces.iter().copied().fold(0.0, f64::max);
     let limit = f64::max(CONTACT_PART * peak, CONTACT_NOISE * noise);
-    // Two in a row, as one of noise alone may be above.
+    // Require two in a row, as noise may take a single code above the limit.
     let mut touching = forces.windows(2).enumerate();
     let is_touching = |(_, pair): &(usize, &[f64])| pair.iter().all(|force| *force > limit);
     let first = touching.clone().find(is_touching).map(|(at, _)| at);
@@ -107,7 +107,7 @@ fn pulse(codes: &[f64], first_index: u64) -> Result<Landing, String> {
 mod tests {
     use super::*;
 
-    /// Codes of a half sine of 200 samples from sample 160 on, in a window of 672.
+    /// Codes of a half sine of 200 samples that begins at sample 160 of a window of 672.
     fn window(peak: f64) -> Vec<f64> {
         let sine = |at: usize| match at.checked_sub(160) {
             Some(since @ 0..=200) => peak * (std::f64::consts::PI * since as f64 / 200.0).sin(),

@@ -3,9 +3,9 @@
 //! # Design
 //! A procedure ([`mod@drop`], [`mod@reference`], [`front_mass`], [`ring_down`], [`shaker`]) takes recorded
 //! strikes or points of a shaker ([`points`]), and quantities that an operator states with their uncertainty
-//! ([`quantity`]). It is a measurement model with inputs ([`model`]), so each result has a
-//! budget. [`settings`] writes the results into the bead's file, [`certificate`] into a page.
-//! [`simulated`] has rigs to learn and to prove the procedures on.
+//! ([`quantity`]). It is a measurement model with inputs ([`model`]), so each result has a budget.
+//! [`settings`] writes the results into the bead's file, [`certificate`] writes a page. [`simulated`] has
+//! rigs on which to learn and prove the procedures.
 
 pub mod about;
 pub mod calibration;

@@ -2,8 +2,8 @@
 //!
 //! # Design
 //! A model is a function from inputs to results (JCGM 100, 4.1). Its sensitivities are central differences
-//! over ± one standard uncertainty (5.1.3, note 2), which the function itself gives: no derivative is typed
-//! by hand. [`Combined`] of bead-compare has the law of propagation, the effective degrees of freedom and the
+//! of the function over ± one standard uncertainty (5.1.3, note 2): no derivative is written by hand.
+//! [`Combined`] of bead-compare implements the law of propagation, the effective degrees of freedom and the
 //! coverage factor. Results of one model share inputs, so they are correlated (JCGM 102, 6.2.1).
 
 use bead_compare::budget::{Combined, Contribution, Correlated};
@@ -43,7 +43,7 @@ impl ModelInput {
         }
     }
 
-    /// An input of type B that lies anywhere within `half` of its estimate (JCGM 100, 4.3.7).
+    /// An input of type B with a rectangular distribution of half width `half` (JCGM 100, 4.3.7).
     pub fn within(name: impl Into<String>, unit: &'static str, value: f64, half: f64) -> Self {
         Self {
             distribution: "rectangular",
@@ -51,8 +51,7 @@ impl ModelInput {
         }
     }
 
-    /// A mean of observations with the standard deviation `scatter`, as a factor of its own (JCGM 100,
-    /// 4.2.3).
+    /// The mean of observations with this relative standard deviation, as a factor of 1 (JCGM 100, 4.2.3).
     pub fn repeatability(relative_scatter: f64, observations: usize, free: f64) -> Self {
         Self {
             evaluation: "A",
@@ -126,10 +125,10 @@ pub struct ResultName {
     pub uncertainty_key: Option<&'static str>,
 }
 
-/// Propagates the uncertainties of `inputs`, of which some are `correlated`, through a model.
+/// Propagates the uncertainties of `inputs`, some of them `correlated`, through a model.
 ///
 /// # Panics
-/// The model gives another number of results than `names` has, or a correlation names no input.
+/// The model returns a number of results other than that of `names`, or a correlation names no input.
 pub fn propagate(
     names: &[ResultName],
     inputs: &[ModelInput],
@@ -221,7 +220,7 @@ pub fn mean_and_scatter(values: &[f64]) -> (f64, f64) {
     (mean, (squares / (count - 1.0).max(1.0)).sqrt())
 }
 
-/// The middle of values; none of none.
+/// Median of values; `None` without values.
 pub fn median(values: &[f64]) -> Option<f64> {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);

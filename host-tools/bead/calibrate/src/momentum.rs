@@ -6,7 +6,7 @@ use crate::model::{ModelInput, ResultName, mean_and_scatter, propagate};
 use crate::quantity::Stated;
 use bead_recording::clock::QUARTZ;
 
-/// Relative standard uncertainty of the duration of contact, whose ends lie below the noise.
+/// Relative standard uncertainty of the duration of contact, whose ends are below the noise.
 const CONTACT_U: f64 = 0.03;
 /// Greatest error of the time between two landings, s: each begins within a sample.
 const LANDING: f64 = 1e-5;
@@ -40,7 +40,7 @@ pub(crate) struct Drop {
     pub(crate) rate: f64,
 }
 
-/// Places of the inputs that all drops share; the heights follow, then a repeatability for each.
+/// Indices of the inputs that all drops share; the heights follow, then a repeatability for each.
 const MASS: usize = 0;
 const GRAVITY: usize = 1;
 const ALIGNMENT: usize = 2;
@@ -59,7 +59,7 @@ fn gain(values: &[f64], drop: &Drop, has_high_pass: bool) -> f64 {
     let incoming = (2.0 * gravity * values[HEIGHTS + drop.height]).sqrt();
     let outgoing = 0.5 * gravity * (drop.between * dt + values[FLIGHT] - contact);
     let impulse = mass * (incoming + outgoing + gravity * contact) * values[ALIGNMENT];
-    // A high-pass leaves exp(-t/τ) of an impulse's area after t.
+    // After t, a high-pass leaves exp(-t/τ) of an impulse's area.
     let lost = if has_high_pass {
         (drop.landing.after_centre * dt / values[HIGH_PASS]).exp()
     } else {
@@ -93,7 +93,7 @@ pub(crate) fn gain_of(stated: &DropInputs, drop: &Drop) -> f64 {
     gain(&estimates(stated), drop, stated.high_pass.is_some())
 }
 
-/// The inputs of the model, with the repeatability of each height behind its heights.
+/// The inputs of the model: the shared ones, the heights, then the repeatability of each height.
 fn inputs(stated: &DropInputs, kept: &[(String, Drop, f64)]) -> Vec<ModelInput> {
     let values = estimates(stated);
     let peak = kept.iter().map(|(_, drop, _)| drop.landing.peak).sum::<f64>() / kept.len() as f64;

@@ -1,5 +1,5 @@
 //! Points of a shaker: at each frequency the reference's acceleration and the response of the bead's sensor,
-//! from a table, or from a record of each.
+//! from a table, or from a record of both.
 
 use std::path::Path;
 
@@ -12,15 +12,15 @@ use hertz_chain::read_text;
 use crate::calibration::{LeftOut, Observation, ObservedValue};
 use crate::sine::{self, Tone};
 
-/// Points of a table at most.
+/// Greatest number of points in a table.
 const MOST: usize = 10_000;
-/// Samples of a record at most: 100 s of the bead's.
+/// Greatest number of samples in a record: 100 s of the bead's.
 const SAMPLES_MOST: usize = 10_000_000;
-/// The rest beside a tone may have this part of it at most, rms.
+/// Greatest rms of the rest, as a part of the tone's.
 const DISTORTED: f64 = 0.3;
-/// Frequencies of both records of a point may differ by this part: two clocks.
+/// Greatest relative difference of the frequencies of a point's two records, which have separate clocks.
 const CLOCKS: f64 = 1e-3;
-/// A frequency that was typed may differ from that of the bead's scans by this part.
+/// Greatest relative difference of a typed frequency from that of the bead's scans.
 const TYPED: f64 = 0.02;
 /// Time from scan to scan, s: the image samples at 100 kHz and refuses another rate.
 const SAMPLE_PERIOD: f64 = 1e-5;
@@ -66,14 +66,14 @@ pub struct Point {
 /// Points with one unit of what was measured.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Points {
-    /// The points, as they came.
+    /// The points, in the order of the input.
     pub points: Vec<Point>,
     /// The unit.
     pub measured: Measured,
 }
 
 impl Point {
-    /// The point as a certificate shows it, with a value that follows from it.
+    /// The point as a certificate shows it, with a value derived from it.
     pub(crate) fn observed(&self, measured: Measured, result: ObservedValue) -> Observation {
         Observation {
             subject: self.subject.clone(),
@@ -88,10 +88,10 @@ impl Point {
 }
 
 impl Points {
-    /// The size of what was measured in the SI unit that a procedure `takes`; that of a code is `per_code`.
+    /// Size of the measured unit in the SI unit that a procedure `takes`; a code has the size `per_code`.
     ///
     /// # Errors
-    /// The points have another unit: one line that ends with `would_do`, what the procedure needs instead.
+    /// The points have another unit. One line that ends with `would_do`, what the procedure needs instead.
     pub(crate) fn size(&self, takes: Measured, per_code: f64, would_do: &str) -> Result<f64, String> {
         match self.measured {
             Measured::Codes => Ok(per_code),
@@ -100,7 +100,7 @@ impl Points {
         }
     }
 
-    /// The points at frequencies that count, and the others with their reason.
+    /// The points at frequencies that count, and the others with the reason.
     pub(crate) fn split(
         &self,
         counts: impl Fn(f64) -> bool,
@@ -114,8 +114,8 @@ impl Points {
         (kept, left_out.collect())
     }
 
-    /// The points with the low-pass in front of the converter, of this pole in Hz, taken out of codes; 0 for
-    /// none. The bead takes it out of its signals likewise.
+    /// Takes the low-pass in front of the converter out of points in codes, as the bead does for its
+    /// signals. `pole` is in Hz; 0 for none.
     #[must_use]
     pub fn without_pole(mut self, pole: f64) -> Self {
         if self.measured == Measured::Codes && pole > 0.0 {
@@ -127,7 +127,7 @@ impl Points {
     }
 }
 
-/// Reads a table with a heading: frequency, reference, and what was measured, each with its unit behind `_`
+/// Reads a table with a heading: frequency, reference, and measured quantity, each with its unit after `_`
 /// or in brackets: `frequency_hz,reference_mps2,voltage_v`.
 ///
 /// # Errors
@@ -274,7 +274,7 @@ pub fn pair(scans: &Path, reference: &Path, choice: &Choice, channel: Channel) -
     })
 }
 
-/// The one steady tone in samples, which `name` has.
+/// The one steady tone in samples of the file `name`.
 fn tone(samples: &[(f64, f64)], near: Option<f64>, name: &str) -> Result<Tone, String> {
     let tone = sine::fit(samples, near).map_err(|why| format!("{name}: {why}"))?;
     if tone.rest > DISTORTED * tone.rms {
@@ -287,8 +287,8 @@ fn tone(samples: &[(f64, f64)], near: Option<f64>, name: &str) -> Result<Tone, S
     Ok(tone)
 }
 
-/// The point of a steady tone in a bead's scans, sample index and codes of force and acceleration. Of the
-/// reference, frequency in Hz and acceleration in m/s² rms were read.
+/// The point of a steady tone in a bead's scans: sample index and codes of force and acceleration. The
+/// reference is given by its frequency, Hz, and acceleration, m/s² rms.
 ///
 /// # Errors
 /// One line: codes at a rail, no tone, or one of another frequency.

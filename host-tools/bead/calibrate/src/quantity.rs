@@ -26,7 +26,7 @@ pub enum Dimension {
     Number,
 }
 
-/// An example of each dimension, and its units with their size in the SI unit, which is the first.
+/// An example of each dimension, and its units with their size in the SI unit. The first is the SI unit.
 const UNITS: [(&str, &[(&str, f64)]); 9] = [
     ("3.046g±1mg", &[("kg", 1.0), ("g", 1e-3), ("mg", 1e-6)]),
     (
@@ -67,7 +67,7 @@ impl Dimension {
         found.map(|(_, size)| *size)
     }
 
-    /// Parses `VALUE±U`. Each has a unit behind its number; U without one has that of the value, and U in per
+    /// Parses `VALUE±U`. A unit follows each number; U without a unit has that of the value, and U in per
     /// cent is a part of the value.
     ///
     /// # Errors
@@ -107,7 +107,7 @@ impl Dimension {
 }
 
 impl Stated {
-    /// This quantity, refused unless it is positive and its uncertainty is less than half of it.
+    /// Refuses this quantity unless it is positive and its uncertainty is less than half of it.
     ///
     /// # Errors
     /// One line: what is wrong, and what would do.
@@ -118,8 +118,8 @@ impl Stated {
         Err("give a value above 0, and less than half of it as its uncertainty".to_owned())
     }
 
-    /// This quantity, refused above `most`, as a number that lacks its unit mostly is. `such_as` is that
-    /// limit with its unit, and an example.
+    /// Refuses this quantity above `most`: a number that lacks its unit usually is. `such_as` is the limit
+    /// with its unit, and an example.
     ///
     /// # Errors
     /// One line: what would do.

@@ -1,11 +1,12 @@
 //! The accelerometer against a reference: gain of the acceleration, and flatness over frequency.
 //!
 //! # Design
-//! The gain is that at one frequency, at which there are several points; their scatter is type A. By volts of
-//! the open sensor, a code is worth VDDA / (4096 S D G), with sensitivity S, divider D and amplifier G. By
-//! codes it is the reference's acceleration over the codes. In the closed bead the intruder moves more than
-//! its host, by |h| of eq. (A1), which is divided out with the k, c and m of the settings. Flatness is the
-//! greatest deviation at any other frequency up to 5 kHz, as half of a rectangle.
+//! The gain is found at one frequency from several points; their scatter is type A. For points in volts of
+//! the open sensor, a code is worth VDDA / (4096 S D G), with sensitivity S, divider D and amplifier G. For
+//! points in codes, it is the reference's acceleration over the codes. In the closed bead the intruder moves
+//! more than its host, by |h| of eq. (A1), which is divided out with the k, c and m of the settings.
+//! Flatness is the greatest deviation at any other frequency up to 5 kHz, as the half width of a rectangular
+//! distribution.
 
 use bead_compare::front_end::CODES;
 use hertz_chain::Oscillator;
@@ -15,18 +16,19 @@ use crate::model::{ModelInput, ResultName, mean_and_scatter, propagate};
 use crate::points::{Measured, Point, Points};
 use crate::quantity::Stated;
 
-/// Points at the frequency of the gain at least.
+/// Least number of points at the frequency of the gain.
 const FEWEST: usize = 2;
-/// Points count for the gain within this part of its frequency.
+/// Relative distance from the frequency of the gain within which points count.
 const NEAR: f64 = 0.02;
-/// Up to this frequency a sensor has to be flat, Hz, and a table has to reach so far for that, Hz.
+/// Frequency up to which a sensor has to be flat, and least frequency that a table has to reach to show it,
+/// Hz.
 const FLAT_TO: f64 = 5000.0;
 const REACHES: f64 = 4000.0;
-/// In the closed bead a point counts below this part of the intruder's natural frequency: beyond it the
-/// correction is larger than its uncertainty would be trusted for.
+/// Part of the intruder's natural frequency below which points of a closed bead count: beyond, the
+/// correction is too large to trust its uncertainty.
 const BELOW_RESONANCE: f64 = 0.3;
 
-/// The intruder on its springs, as the settings have it.
+/// The intruder on its springs, from the settings.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Springs {
     /// m, k and c.
@@ -35,14 +37,14 @@ pub struct Springs {
     pub relative_u: f64,
 }
 
-/// Way from the sensor's volts to codes.
+/// Conversion of the sensor's volts to codes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FrontEndGain {
     /// VDDA, V.
     pub supply: Stated,
     /// Rb/(Ra + Rb).
     pub divider: Stated,
-    /// The amplifier's, at the high gain.
+    /// Gain of the amplifier, at the high gain.
     pub gain: Stated,
 }
 
@@ -53,7 +55,7 @@ pub struct ReferenceInputs {
     pub reference_u: f64,
     /// Frequency of the gain, Hz.
     pub at: f64,
-    /// Way from volts to codes, for points in V.
+    /// Conversion of volts to codes, for points in V.
     pub front_end: Option<FrontEndGain>,
     /// The springs below the accelerometer, in a bead that is closed.
     pub springs: Option<Springs>,
@@ -125,7 +127,7 @@ pub fn evaluate(points: &Points, stated: &ReferenceInputs) -> Result<Calibration
     Ok(calibration)
 }
 
-/// Response of the sensor to an acceleration of 1 m/s² of its own.
+/// Response of the sensor to 1 m/s² of its own acceleration.
 fn response(point: &Point, stated: &ReferenceInputs) -> f64 {
     let springs = stated.springs.map_or(1.0, |springs| {
         springs.oscillator.transmissibility(point.frequency).norm()

@@ -2,9 +2,9 @@
 //!
 //! # Design
 //! Once a tap is over, the intruder's acceleration dies as exp(-βt), and k = μ (ω² + β²), c = 2 μ β
-//! ([`hertz_chain::fit_ring_down`]). μ is m (M - m)/M in a bead that is free, m in one that is held. So k and
-//! c are as wrong together as the masses make them, and the fit's own errors are correlated, too: all of this
-//! is in the correlations of the results. A gain that is wrong drops out.
+//! ([`hertz_chain::fit_ring_down`]). μ is m (M - m)/M in a bead that is free, m in one that is held. So k
+//! and c share the errors of the masses, and the fit's own errors are correlated, too; the correlations of
+//! the results include both. An error of the gain cancels.
 
 use bead_model::layout::BASELINE;
 use bead_recording::clock::QUARTZ;
@@ -19,23 +19,23 @@ use crate::calibration::{
 use crate::model::{ModelInput, ResultCorrelation, ResultName, mean_and_scatter, median, propagate};
 use crate::quantity::Stated;
 
-/// Taps at least: one has no scatter.
+/// Least number of taps: one has no scatter.
 const FEWEST: usize = 2;
-/// Taps from which their own scatter gives the correlation of k and c, and no longer that of the fits.
+/// Number of taps from which the correlation of k and c comes from their scatter instead of the fits.
 const MANY: usize = 8;
-/// The fit begins this many samples after the force has ended.
+/// Samples between the end of the force and the start of the fit.
 const AFTER: usize = 8;
-/// Least amplitude over the noise of the quiet.
+/// Least amplitude, as a multiple of the noise of the quiet.
 const LOUD: f64 = 30.0;
-/// Least length of the ringing over 1/β.
+/// Least duration of the ringing, in units of 1/β.
 const LONG: f64 = 2.0;
-/// Greatest residual of a fit over its amplitude, and over the noise: both have to be exceeded.
+/// Greatest residual of a fit over its amplitude, and over the noise. A fit is refused if it exceeds both.
 const RESIDUAL: f64 = 0.01;
 const RESIDUAL_NOISE: f64 = 2.0;
-/// Part by which a tap's k may differ from the middle of all.
+/// Greatest relative deviation of a tap's k from the median of all.
 const ODD: f64 = 0.1;
 
-/// A mass, and whether it is a result of this calibration.
+/// A mass, from this calibration or from the settings.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StatedMass {
     /// The mass, kg.
@@ -49,7 +49,7 @@ pub struct StatedMass {
 pub struct RingDownInputs {
     /// m, the intruder.
     pub intruder: StatedMass,
-    /// M, the bead with its intruder; none for a bead that is held fast.
+    /// M, the bead with its intruder; `None` for a bead that is held fast.
     pub bead: Option<StatedMass>,
 }
 
@@ -78,7 +78,7 @@ pub fn intruder_mass(is_new: bool) -> ResultName {
     }
 }
 
-/// Gives the correlations of k, c and m, in this order at the head of the results, their settings.
+/// Sets the keys of the correlations of k, c and m.
 pub fn key_correlations(correlations: &mut [ResultCorrelation]) {
     let keys = [
         (STIFFNESS.name, DAMPING.name, "uncertainty.stiffness_with_damping"),
@@ -162,7 +162,7 @@ pub fn evaluate(
         observations: kept.iter().map(observed).collect(),
         left_out,
         method: METHOD.map(str::to_owned).to_vec(),
-        // The gains, and so the supply, drop out.
+        // The gains, and with them the supply, cancel.
         ..Calibration::default()
     })
 }
@@ -234,7 +234,7 @@ fn tap(subject: &str, strike: &RecordedStrike, reduced: f64) -> Result<Tap, Stri
     })
 }
 
-/// First sample behind the last that a force acts at.
+/// First sample after the force has ended.
 fn force_end(force: &[f64], baseline: usize) -> usize {
     let noise = mean_and_scatter(&force[..baseline]).1;
     let peak = force.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
@@ -244,7 +244,7 @@ fn force_end(force: &[f64], baseline: usize) -> usize {
     last.map_or(baseline, |last| last + 2)
 }
 
-/// Places of the inputs.
+/// Indices of the inputs.
 const MASS: usize = 0;
 const HOST: usize = 1;
 const CLOCK_RATE: usize = 2;

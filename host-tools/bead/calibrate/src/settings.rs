@@ -1,10 +1,9 @@
-//! Results of a calibration as settings: the file of a bead is changed where they stand, and nowhere else.
+//! Results of a calibration as settings: only their values change in a bead's file.
 //!
 //! # Design
-//! The file is edited, not written anew: comments, order and other keys stay. A key that the template has as
-//! a comment, `# force_gain = ?`, takes the place of that comment. A line above each value says when it was
-//! found, how well, and by which certificate. The new text has to be settings that a bead takes, or the old
-//! file stays.
+//! The file is edited, not rewritten: comments, order and other keys stay. A key that the template has as a
+//! comment, `# force_gain = ?`, replaces that comment. A line above each value gives its date, uncertainty
+//! and certificate. Unless the new text is settings that a bead takes, the old file stays.
 
 use bead_model::design::Description;
 use bead_recording::physical::{self, Change};
@@ -75,7 +74,7 @@ pub fn entries(calibration: &Calibration, before: &Description, provenance: &Pro
                 combined.coverage_factor,
             );
             push(key, rounded(combined.value, DIGITS), by);
-            // The low gain and the noise go with the scale of their sensor.
+            // The low gain and the noise scale with the gain of their sensor.
             let scale = match key {
                 "force.per_code" => Some(("force", &before.force)),
                 "acceleration.per_code" => Some(("acceleration", &before.acceleration)),
@@ -95,7 +94,7 @@ pub fn entries(calibration: &Calibration, before: &Description, provenance: &Pro
     }
     for correlation in &calibration.correlations {
         if let Some(key) = correlation.key {
-            // Correlations that are near 1 and rounded may not be possible together; a little less they are.
+            // Rounding may make correlations near 1 inconsistent; reducing them slightly prevents it.
             push(key, rounded(0.9995 * correlation.correlation, 5), String::new());
         }
     }
@@ -137,7 +136,7 @@ pub fn updated(text: &str, name: &str, entries: &[Entry]) -> Result<(String, Vec
     let text = document.to_string();
     let after = physical::parse(&text, name)?;
     let mut changes = physical::changes(before.description(), after.description());
-    // A table that is new brings the defaults of its other keys with it.
+    // A new table also sets its other keys to their defaults, which are no changes of this calibration.
     changes.retain(|change| entries.iter().any(|entry| entry.key == change.key));
     Ok((text, changes))
 }
@@ -146,8 +145,7 @@ fn one_line(error: &toml_edit::TomlError) -> String {
     error.message().replace('\n', " ")
 }
 
-/// Takes the mark off the heading of a key's table, and off the key itself, where the template has them as
-/// comments.
+/// Uncomments the heading of a key's table, and the key itself, where the template has them as comments.
 fn uncommented(text: &str, key: &str) -> String {
     let Some((table, name)) = key.split_once('.') else {
         return text.to_owned();
@@ -162,7 +160,7 @@ fn uncommented(text: &str, key: &str) -> String {
                 return format!("{heading}\n");
             }
         } else if within && line.starts_with(&entry) {
-            // A value of the right width keeps the comment behind it in its column.
+            // A value of the same width keeps the comment after it in its column.
             let rest = line.strip_prefix(&entry).unwrap_or_default();
             return format!("{name} = 0  {rest}");
         }
@@ -171,7 +169,7 @@ fn uncommented(text: &str, key: &str) -> String {
     lines.collect()
 }
 
-/// Sets a key, with the comment behind it in its column, and the line above it.
+/// Sets a key and the line above it, and keeps the comment after it in its column.
 fn set(document: &mut DocumentMut, entry: &Entry) {
     let (table, name) = match entry.key.split_once('.') {
         Some((table, name)) => (Some(table), name),
@@ -186,7 +184,7 @@ fn set(document: &mut DocumentMut, entry: &Entry) {
             is_inline = item.is_inline_table();
             match item.as_table_like_mut() {
                 Some(table) => table,
-                // The file was read as settings, in which this is a table.
+                // The file is valid as settings, so this is a table.
                 None => return,
             }
         }
@@ -204,12 +202,12 @@ fn set(document: &mut DocumentMut, entry: &Entry) {
                 .set_suffix(format!("{}{comment}", " ".repeat(blanks)));
         }
     }
-    // `insert` would take away what stands before a key that is there.
+    // `insert` would discard the text before an existing key.
     match within.get_mut(name) {
         Some(item) => *item = Item::Value(value),
         None => _ = within.insert(name, Item::Value(value)),
     }
-    // A line has no room in a table that is in one line itself.
+    // An inline table has no room for a line.
     if entry.remark.is_empty() || is_inline {
         return;
     }
@@ -274,7 +272,7 @@ mod tests {
         for line in lines {
             assert!(once.contains(line), "{line}\n---\n{once}");
         }
-        // Once more: one line above the value, and as many lines as before.
+        // A second update replaces the line above the value and adds none.
         let again = [
             entry("force.per_code", 0.0042, "2026-12-01 by another"),
             entry("uncertainty.force_gain", 0.0017, ""),

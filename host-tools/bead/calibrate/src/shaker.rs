@@ -2,9 +2,9 @@
 //! paper).
 //!
 //! # Design
-//! [`hertz_chain::fit_response`] fits k and c to |h|. A gain of either sensor that is off shows as |h| ≠ 1 at
-//! low frequency: the points below a third of the resonance say by how much, and all are divided by it. The
-//! fit and this scale are repeated until they agree. k and c scale with m, which the balance gives.
+//! [`hertz_chain::fit_response`] fits k and c to |h|. A gain error of either sensor shows as |h| ≠ 1 at low
+//! frequency: the points below a third of the resonance give the scale, and all are divided by it. Fit and
+//! scale are repeated until they agree. k and c scale with m, which comes from the balance.
 
 use hertz_chain::{Oscillator, OscillatorFit, fit_response};
 
@@ -13,15 +13,15 @@ use crate::model::{ModelInput, propagate};
 use crate::points::{Measured, Points};
 use crate::ring_down::{DAMPING, STIFFNESS, StatedMass, intruder_mass, key_correlations};
 
-/// Points at least.
+/// Least number of points.
 const FEWEST: usize = 6;
-/// Points below this part of the natural frequency give the scale.
+/// Part of the natural frequency below which points set the scale.
 const LOW: f64 = 1.0 / 3.0;
 /// Rounds of fit and scale.
 const ROUNDS: usize = 20;
 /// Greatest rms distance of the points from the fit, as a part of its peak.
 const RESIDUAL: f64 = 0.05;
-/// Greatest deviation of the scale from 1 that is no doubt.
+/// Greatest deviation of the scale from 1 without a doubt.
 const SCALE: f64 = 0.1;
 
 /// Quantities that an operator states about a sweep.
@@ -104,7 +104,7 @@ pub fn evaluate(points: &Points, stated: &ShakerInputs) -> Result<Calibration, S
     })
 }
 
-/// Checks that the points reach over the peak, and how near they are to the fit.
+/// Checks that the points extend to both sides of the peak, and that they are near the fit.
 fn checks(
     ratios: &[(f64, f64)],
     oscillator: &Oscillator,

@@ -4,15 +4,15 @@
 use hertz_chain::{Signal, Spectrum};
 use nalgebra::{Matrix4, Vector4};
 
-/// Samples that the search for the frequency takes.
+/// Greatest number of samples for the search for the frequency.
 const SEARCHED: usize = 1 << 14;
-/// Steps of a fit at most, and the relative change of the frequency that ends it.
+/// Greatest number of steps of a fit, and the relative change of the frequency that ends it.
 const STEPS: usize = 40;
 const SETTLED: f64 = 1e-13;
-/// Periods of the first stretch that a fit takes. It grows fourfold until it has all samples.
+/// Periods of the first stretch that is fitted, and the factor by which it grows until it has all samples.
 const FIRST_PERIODS: f64 = 20.0;
 const GROWS: f64 = 4.0;
-/// Samples at least.
+/// Least number of samples.
 const FEWEST: usize = 32;
 
 /// A tone.
@@ -22,12 +22,12 @@ pub(crate) struct Tone {
     pub(crate) frequency: f64,
     /// Amplitude rms, in the unit of the samples.
     pub(crate) rms: f64,
-    /// Rms of what is left of the samples without the tone.
+    /// Rms of the samples without the tone.
     pub(crate) rest: f64,
 }
 
-/// Fits a tone to samples: times in s, ascending, and values. Without a frequency to begin with, the
-/// strongest of the spectrum of the first even stretch is taken.
+/// Fits a tone to samples: times in s, ascending, and values. Without a start frequency, the fit begins at
+/// the strongest line in the spectrum of the first gapless stretch.
 ///
 /// # Errors
 /// One line: too few samples, or no tone among them.
@@ -81,7 +81,7 @@ fn strongest(samples: &[(f64, f64)]) -> Result<f64, String> {
     Err("there is no tone with more than two periods in the record".to_owned())
 }
 
-/// Fits amplitude, phase, offset and frequency, beginning at a frequency that is right within a quarter of a
+/// Fits amplitude, phase, offset and frequency. The start frequency must be right within a quarter of a
 /// period over the samples.
 fn refine(samples: &[(f64, f64)], mut frequency: f64) -> Result<Tone, String> {
     let middle = 0.5 * (samples[0].0 + samples[samples.len() - 1].0);
@@ -98,7 +98,7 @@ fn refine(samples: &[(f64, f64)], mut frequency: f64) -> Result<Tone, String> {
             information += row * row.transpose();
             right += row * *value;
         }
-        // The first step has no amplitude yet that a change of the frequency could go with.
+        // In the first step the amplitude is still unknown, so the frequency cannot be fitted.
         if step == 0 {
             information[(3, 3)] = 1.0;
         }
@@ -157,7 +157,7 @@ mod tests {
             // Five times √6 σ/(π T A √N) (Rife and Boorstyn 1974).
             assert!((found.frequency - frequency).abs() < 0.025, "{found:?}");
             assert!((found.rest - 1.0).abs() < 0.02, "{found:?}");
-            // σ √(2/N) of an amplitude, 1/√2 of it of the rms.
+            // The amplitude is known to σ √(2/N), the rms to 1/√2 of that.
             let rms_u = found.rest / (samples.len() as f64).sqrt();
             pull += ((found.rms - 3.0 / 2.0_f64.sqrt()) / rms_u).powi(2);
         }

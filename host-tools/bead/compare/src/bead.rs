@@ -14,7 +14,7 @@ use crate::verdict::{Echoes, Soundness, failure};
 use bead_recording::file::{Part, Recording, RecordingError};
 use bead_recording::strikes::RecordedStrike;
 
-/// Strikes that are kept at most. Means and verdicts are over all.
+/// Greatest number of strikes that are kept. Means and verdicts cover all.
 pub(crate) const STRIKES_MOST: usize = 10_000;
 
 /// The strikes of a bead beside the simulation.
@@ -22,7 +22,7 @@ pub(crate) const STRIKES_MOST: usize = 10_000;
 pub struct ComparedBead {
     /// The first 10 000 strikes. Only the first that was received whole has curves.
     pub strikes: Vec<StrikeComparison>,
-    /// Number of strikes, also of those that are not kept.
+    /// Number of strikes, including those that are not kept.
     pub count: usize,
     /// Number of echoes.
     pub echoes: usize,
@@ -30,9 +30,9 @@ pub struct ComparedBead {
     pub spread: [Spread; 2],
     /// The checks of the run as a whole.
     pub soundness: Soundness,
-    /// The first difference of a replay, also of an echo.
+    /// The first difference of a replay, echoes included.
     pub first_difference: Option<String>,
-    /// The first reason why a strike could not be replayed to its end, also an echo.
+    /// The first reason why a strike or an echo could not be replayed to its end.
     pub replay_incomplete: Option<String>,
     /// The first check that failed, gravest first.
     pub failure: Option<String>,
@@ -51,8 +51,8 @@ pub struct ComparedBead {
 }
 
 impl ComparedBead {
-    /// Holds each strike of a bead against the chain; echoes are only replayed. `fitted` is the striker's
-    /// velocity in the chain, if it was fitted. `each` takes every strike that is no echo.
+    /// Compares each strike of a bead with the chain; echoes are only replayed. `fitted` is the striker's
+    /// velocity in the chain, if it was fitted. `each` takes every strike that is not an echo.
     ///
     /// # Errors
     /// The recording cannot be read.
@@ -94,7 +94,7 @@ impl ComparedBead {
             );
             each(&strike, &mut comparison);
             if compared.strikes.len() < STRIKES_MOST {
-                // The curves of all would fill the memory.
+                // The curves of all strikes would fill the memory.
                 comparison.traces = comparison.traces.filter(|_| !drawn);
                 drawn |= comparison.traces.is_some();
                 compared.strikes.push(comparison);
@@ -149,12 +149,12 @@ impl ComparedBead {
     }
 }
 
-/// A line where frames of this kind never came.
+/// A line if no frame of this kind came.
 fn lacks(frame: &str, strikes: u64) -> Option<String> {
     (strikes > 0).then(|| format!("of {} the {frame} never came", count(strikes, "strike")))
 }
 
-/// A line where the recording ends before the emulated striker hit for the last time.
+/// A line if the recording ends before the emulated striker hit for the last time.
 fn unstruck(truth: &RunTruth, last_index: u64) -> Option<String> {
     let missed = truth
         .starts

@@ -2,15 +2,15 @@
 //!
 //! # Design
 //!
-//! One strike tells k within 0.1 to 0.3 % and c within 0.5 %, far less than what flags it. Over several
-//! strikes the mean is sure enough to tell a bead whose k is 0.5 % off.
+//! One strike determines k within 0.1 to 0.3 % and c within 0.5 %, far less than what raises a flag. The mean
+//! over several strikes is precise enough to detect a bead whose k is 0.5 % off.
 //!
-//! The ringing does not serve for this: contacts that have not opened yet change its frequency by up to 3 %,
-//! and its decay by 10 %. The wave form does, since the reduced chain knows these contacts. Its residual is
-//! computed again with k, c and the gain of the accelerometer changed by `STEP`, each and by pairs, through
-//! the bead's own code; the quadratic form through these ten residuals has its least value at the bead's own
-//! k, c and gain. All follows from the recorded codes and settings, so whoever has the recording gets the
-//! same.
+//! The ringing is unsuitable: contacts that have not opened yet change its frequency by up to 3 %, and its
+//! decay by 10 %. The wave form is suitable, since the reduced chain knows these contacts. The bead's own
+//! code computes its residual again with k, c and the gain of the accelerometer changed by `STEP`, singly and
+//! in pairs; the quadratic form through these ten residuals has its minimum at the bead's true k, c and gain.
+//! Everything follows from the recorded codes and settings, so anyone with the recording gets the same
+//! result.
 
 use bead_model::design::Description;
 use bead_model::{Scan, Settings};
@@ -25,11 +25,11 @@ use crate::spread::RunningMean;
 
 /// Part by which a quantity is changed.
 const STEP: f64 = 0.03;
-/// Strikes from which on a mean is judged.
+/// Least number of strikes for which a mean is judged.
 pub const LEAST_STRIKES: u32 = 5;
 /// Coverage factor of a mean.
 const SIGMAS: f64 = 3.0;
-/// Flags of a strike from whose wave form nothing follows about the bead.
+/// Flags of a strike whose wave form says nothing about the bead.
 const UNFIT: StrikeFlags = StrikeFlags::FORCE_RAILED
     .with(StrikeFlags::ACCELERATION_RAILED)
     .with(StrikeFlags::ANOTHER_WAVE)
@@ -40,8 +40,8 @@ const UNFIT: StrikeFlags = StrikeFlags::FORCE_RAILED
     .with(StrikeFlags::WAVE_TRAIN)
     .with(StrikeFlags::PLAYED);
 
-/// Names of the quantities, and the part by which a good bead may seem off: 0.3 %, and what the end of the
-/// reduced chain does to c and to B.
+/// Names of the quantities, and the part by which a good bead may seem off: 0.3 %, and more for c and B,
+/// which the end of the reduced chain affects.
 const QUANTITIES: [(&str, f64); 6] = [
     ("k", 0.003),
     ("c", 0.01),
@@ -81,7 +81,7 @@ struct Mean {
 }
 
 impl Drift {
-    /// Adds a strike, if it has all of its samples and no flag says that it tells nothing of the bead.
+    /// Adds a strike, if it has all of its samples and no flag that makes it unfit.
     pub fn add(&mut self, strike: &RecordedStrike) {
         let Some(settings) = strike.settings else { return };
         if self.settings.replace(settings) != Some(settings) {
@@ -97,7 +97,7 @@ impl Drift {
         // Where the pulse has few samples, the reduced chain itself is less exact.
         let tolerance = |width: f32| f64::from(settings.waveform.tolerance(width));
         let coarse = tolerance(shape.width.samples() as f32) / tolerance(f32::MAX);
-        // Strikes that are alike have the same codes at the low gain: their rounding does not average.
+        // Similar strikes have the same codes at the low gain, so their rounding does not average out.
         let gains = [shape.force_gains, shape.acceleration_gains]
             .map(|gains| gains.map(|gains| (gains.deviation.ratio(), SIGMAS * gains.uncertainty.ratio())));
         let of_wave_form = |place: usize| wave_form.map(|parts| (parts[place], QUANTITIES[place].1 * coarse));
@@ -117,7 +117,7 @@ impl Drift {
         }
     }
 
-    /// The means that two strikes or more tell.
+    /// The means over two or more strikes.
     pub fn means(&self) -> Vec<DriftMean> {
         let of = |(mean, (quantity, _)): (&Mean, (&'static str, f64))| mean.result(quantity);
         self.means.iter().zip(QUANTITIES).filter_map(of).collect()
@@ -140,8 +140,8 @@ impl Mean {
     }
 }
 
-/// Parts by which k, c and the gain of the accelerometer over that of the force fit the wave form best.
-/// `None` if they have no best: the strike is too weak.
+/// Relative changes of k, c and the gain of the accelerometer over that of the force that fit the wave form
+/// best. `None` if there is no best fit: the strike is too weak.
 fn best(strike: &RecordedStrike, settings: &Settings) -> Option<[f64; 3]> {
     let scans: Vec<Scan> = strike.scans.iter().map(ScanCodes::scan).collect();
     let power = |steps: [f64; 3]| {

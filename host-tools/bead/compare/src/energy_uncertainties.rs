@@ -31,12 +31,12 @@ impl EnergyUncertainties {
         })
     }
 
-    /// Those of A and of B.
+    /// The uncertainties of A and of B.
     pub fn each(&self) -> [Option<f64>; 2] {
         [self.u_absorbed_measured, self.u_absorbed_predicted]
     }
 
-    /// Explains ± beside the energies of these strikes; `None` if it is beside none.
+    /// A line that explains ± beside the energies of these strikes; `None` if no energy has one.
     pub fn legend<'a>(of: impl IntoIterator<Item = &'a Self>) -> Option<String> {
         let mut all = of.into_iter().flat_map(Self::each).peekable();
         all.peek()?;

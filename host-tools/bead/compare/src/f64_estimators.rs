@@ -17,7 +17,7 @@ pub const SUBSTEPS: usize = 20;
 
 /// Removes a one-pole low-pass with the time constant `lag`, and a `delay`, both in samples, from its
 /// samples: `s = y + ẏ (lag - delay) + ÿ (delay²/2 - lag delay)`. The derivatives are five-point central
-/// differences (fourth order); at either end the two last samples use the samples there are. An unknown
+/// differences (fourth order); the two outermost samples at either end use the samples that exist. An unknown
 /// sample is NaN.
 pub fn lead(samples: &[f64], lag: f64, delay: f64) -> Vec<f64> {
     let at = |i: isize| samples[i.clamp(0, samples.len() as isize - 1) as usize];
@@ -117,7 +117,7 @@ fn plus(state: &ReducedState, scale: f64, rate: &ReducedState) -> ReducedState {
 
 /// The reduced chain.
 struct Chain {
-    /// With their intruders, kg; infinite for a wall.
+    /// Masses with their intruders, kg; infinite for a wall.
     masses: [f64; BODIES],
     intruders: [Option<Intruder>; BODIES],
     /// κ, τ and overlap at rest, of the contact behind each body but the last.
@@ -217,20 +217,20 @@ impl Chain {
     }
 }
 
-/// The force behind the last bead: that in front of it, when the wave passed there. The time that the wave
-/// takes follows from its peak, the greatest force of the last two spans of two such times each.
+/// The force behind the last bead: the force in front of it, delayed by the travel time of the wave. That
+/// time follows from the wave's peak: the greatest force of the last two spans, each two travel times long.
 struct FarEnd {
     forces: Vec<f64>,
-    /// The time of a wave of 1 N, and what the viscosity of a contact takes off it, in steps.
+    /// The travel time of a wave of 1 N, and the reduction of it by the viscosity of a contact, in steps.
     unit: f64,
     sooner: f64,
-    /// A load makes a wave as fast as this force more does.
+    /// The force that speeds up a wave as much as the load does, N.
     load: f64,
     peaks: [f64; 2],
-    /// The step with which this span began, and steps after which it ends.
+    /// The step at which this span began, and its length in steps.
     began: f64,
     span: f64,
-    /// The step at which the force is taken that now comes. A wave is not felt twice.
+    /// The step of the force that now arrives. It never goes back, so no wave is felt twice.
     then: f64,
 }
 
@@ -342,7 +342,7 @@ mod tests {
             let around = surroundings_of(&solution, host);
             let force = |i: usize| solution.at(i as f64 / RATE).force(host);
             let forces: Vec<f64> = (0..=end).map(force).collect();
-            // As long as a window goes on after the wave has come.
+            // The length of a window after the wave has come.
             let came = forces.iter().position(|force| *force > 0.1).unwrap();
             let forces = &forces[..end.min(came + 512)];
             let last = solution.at(forces.len() as f64 / RATE);

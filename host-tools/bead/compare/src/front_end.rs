@@ -17,8 +17,7 @@ use serde::{Deserialize, Serialize};
 
 /// Scans a second: TIM3's trigger rate.
 pub const SAMPLE_RATE_HZ: u32 = 100_000;
-/// Seconds by which the acceleration of a scan is taken after its force, both at the high gain: two
-/// conversions.
+/// Delay of a scan's acceleration after its force, both at the high gain, s: two conversions.
 pub const SCAN_SKEW: f64 = 2.0 * CONVERSION;
 
 /// The converter's reference, which is VDDA, in volts.
@@ -161,8 +160,8 @@ pub trait SensorStimulus: Clone + Sync {
     fn force(&mut self, time: f64) -> f64;
     /// Absolute acceleration of the intruder in m/s².
     fn acceleration(&mut self, time: f64) -> f64;
-    /// Until when, from `time` on, both are 0; `time` itself if something is felt then, or if that is not
-    /// known.
+    /// The time until which both are 0 from `time`; `time` itself if something is felt then, or if that is
+    /// unknown.
     fn silent_until(&self, time: f64) -> f64 {
         time
     }
@@ -196,9 +195,8 @@ impl AnalogFrontEnd {
         self
     }
 
-    /// The codes that a scan has at another supply than [`REFERENCE_VOLTS`]. The converter compares the
-    /// signals with it. The bias is divided from it, so a zero keeps its code; and so does a signal at a
-    /// rail.
+    /// The codes of a scan at a supply other than [`REFERENCE_VOLTS`]. The converter compares the signals
+    /// with it. The bias is divided from it, so a zero keeps its code; and so does a signal at a rail.
     #[must_use]
     pub fn at_supply(&self, scan: [u16; 4], volts: f64) -> [u16; 4] {
         let (mut own, mut scan) = (*self, scan);
@@ -321,11 +319,11 @@ impl LowPass {
         self.output
     }
 
-    /// Takes 0 as the next inputs, `steps` of them.
+    /// Takes 0 as the next `steps` inputs.
     fn rest(&mut self, steps: u32) {
         for _ in 0..steps {
-            // An output far below the least noise is 0. As a subnormal number it would never end, and cost
-            // most of the time.
+            // An output far below the least noise becomes 0. Subnormal numbers would never vanish, and would
+            // cost most of the time.
             if self.input == 0.0 && self.output.abs() < 1e-30 {
                 self.output = 0.0;
                 return;

@@ -21,7 +21,7 @@ use bead_instrument::{Trace, Waveform};
 
 /// Steps of A in a sample of the bead: a step is exact for an acceleration that is straight in it.
 const FINER_A: usize = 10;
-/// Those of B, which are divided by twenty once more.
+/// Steps of B in a sample of the bead. Each is divided by twenty once more.
 const FINER_B: usize = 2;
 
 /// The results of one strike by a waveform, SI units; none where the waveform lacks the quantity.
@@ -36,7 +36,7 @@ pub struct GivenEstimates {
 }
 
 impl GivenEstimates {
-    /// Of the stretch of a waveform that a window sees: `time` in s of the waveform.
+    /// Estimates for the stretch of a waveform that a window sees: `time`, in s of the waveform.
     pub fn of(waveform: &Waveform, settings: &Settings, time: Range<f64>) -> Self {
         let (bead, around) = physics(settings);
         let rate = f64::from(settings.sample_rate_hz);
@@ -62,8 +62,8 @@ impl GivenEstimates {
         }
     }
 
-    /// Of the window that a bead would open at the rise to the highest force, or around the highest
-    /// acceleration.
+    /// Estimates for the window that a bead would open at the rise to the highest force, or around the
+    /// highest acceleration.
     pub fn around_its_peak(waveform: &Waveform, settings: &Settings) -> Self {
         let trigger = match (&waveform.force, &waveform.acceleration) {
             (Some(force), _) => trigger(force.clone(), settings),
@@ -74,7 +74,7 @@ impl GivenEstimates {
         Self::of(waveform, settings, trigger - before..trigger - before + long)
     }
 
-    /// As the truth of a run has it: the energy from the acceleration if there is one, else from the force.
+    /// The truth of a run: the energy from the acceleration if there is one, else from the force.
     pub fn truth(&self) -> Truth {
         Truth {
             peak_force: self.peak_force.unwrap_or(0.0),
@@ -83,14 +83,14 @@ impl GivenEstimates {
     }
 }
 
-/// A line where noise at the beginning of the force would open windows by itself.
+/// A line if noise at the beginning of the force would open windows by itself.
 pub fn noise_triggers(waveform: &Waveform, settings: &Settings) -> Option<String> {
     let force = waveform.force.clone()?;
     let rise = f64::from(settings.window.threshold) * settings.force.sensitive.per_code.to_num::<f64>();
     let first = force.begin();
     let baseline = f64::from(BASELINE) / f64::from(settings.sample_rate_hz);
     let noise = FineWindow::of(force, settings, &(first..first + baseline), 1).noise;
-    // The difference of two samples has both their noises.
+    // The difference of two samples has the noise of both.
     (SIGMAS * 2.0_f64.sqrt() * noise > rise).then(|| {
         format!(
             "its force has noise of {noise:.3} N rms at the bead's samples, and the trigger asks for a rise of {rise:.3} N, so \
@@ -102,7 +102,7 @@ pub fn noise_triggers(waveform: &Waveform, settings: &Settings) -> Option<String
 /// Standard deviations within which noise stays for some thousand samples.
 const SIGMAS: f64 = 3.5;
 
-/// The instant at which the force begins to rise as settings ask for, on its way to its highest value, s.
+/// The instant from which the force rises as steeply as settings ask, on its way to its highest value, s.
 fn trigger(mut force: Trace, settings: &Settings) -> f64 {
     let sample = 1.0 / f64::from(settings.sample_rate_hz);
     let rise = f64::from(settings.window.threshold) * settings.force.sensitive.per_code.to_num::<f64>();
@@ -116,9 +116,9 @@ fn trigger(mut force: Trace, settings: &Settings) -> f64 {
 
 /// A quantity in a window at steps that are finer than the bead's samples.
 struct FineWindow {
-    /// Relative to the zero of the window. There is one at least.
+    /// Values relative to the zero of the window, at least one.
     values: Vec<f64>,
-    /// Steps before the strike: one at least.
+    /// Steps before the strike, at least one.
     quiet: usize,
     /// Noise at the beginning, rms.
     noise: f64,

@@ -1,8 +1,8 @@
-//! The parts of its energy within which the estimates of a strike are to be.
+//! Goals for the estimates of a strike, as parts of its energy.
 
 use serde::Serialize;
 
-/// Goals for the two estimates against the full chain, for a bead that their reduced chain is like.
+/// Goals for the two estimates against the full chain, for a bead whose chain is like their reduced one.
 const GOAL: [f64; 2] = [2e-3, 5e-3];
 
 /// Parts of the energy for the estimates of a strike.
@@ -15,7 +15,7 @@ pub struct StrikeGoal {
 }
 
 impl StrikeGoal {
-    /// The goals where the chain explains errors of A and of B by these parts.
+    /// The goals if the chain explains errors of A and of B by these parts.
     pub(crate) fn beyond(explained: [f64; 2]) -> Self {
         let of = |place: usize| Some(GOAL[place] + explained[place]).filter(|goal| goal.is_finite());
         Self {
@@ -24,7 +24,7 @@ impl StrikeGoal {
         }
     }
 
-    /// Of A, and of B.
+    /// The goals of A and of B.
     pub(crate) fn each(&self) -> [Option<f64>; 2] {
         [self.absorbed_measured, self.absorbed_predicted]
     }

@@ -8,7 +8,7 @@ use crate::strike::force_railed;
 
 /// The greatest work that the force of a strike does on the host of the reduced chain, J: the energy that
 /// came, before echoes carry part of it back. `None` if samples or settings are missing, the force left the
-/// range of its sensor, or a load presses the chain together, which the reduced chain does without.
+/// range of its sensor, or the chain is under a load, which the reduced chain lacks.
 pub fn incident_work(strike: &RecordedStrike) -> Option<f64> {
     let signals = StrikeSignals::of(strike).filter(|_| !force_railed(strike))?;
     let (bead, around) = physics(signals.settings);

@@ -100,7 +100,7 @@ impl StrikeQuantity {
                     Some(shape) => [shape.device, shape.f64_chain].map(|side| Some(of(&side))),
                     None => [None; 2],
                 };
-                // A bead that found no ringing, or none there is, says 0.
+                // A frequency or decay of 0 means that no ringing was found, or that there is none.
                 [device, None, None, chain].map(|value| value.filter(|value| *value != 0.0))
             }
         }

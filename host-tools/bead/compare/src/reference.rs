@@ -1,9 +1,9 @@
-//! A strike as its bead measured it, held against the record of another instrument.
+//! A strike as its bead measured it, compared with the record of another instrument.
 //!
 //! # Design
-//! The two share no clock and perhaps no calibration. For force and for acceleration, a delay is found where
-//! the cross-correlation is greatest, then between samples by the correlation; and a gain by least squares.
-//! All other values compare the two as they then lie over each other, at the bead's samples.
+//! The two share no clock and perhaps no calibration. For force and for acceleration, the delay is that of
+//! the greatest cross-correlation, refined between samples by the correlation; the gain follows by least
+//! squares. All other values compare the aligned records at the bead's samples.
 
 use serde::Serialize;
 
@@ -13,11 +13,11 @@ use crate::signal::{StrikeSignals, least};
 use bead_instrument::{Trace, Waveform};
 use bead_recording::strikes::RecordedStrike;
 
-/// Samples on either side of its peak by which a strike is looked for.
+/// Reach of the pulse that is searched for, on either side of the strike's peak, in samples.
 const PULSE: usize = 60;
 /// The longest record that is searched, s.
 const LONGEST: f64 = 100.0;
-/// The part of a strike's energy that the other record has to reach over.
+/// The part of a strike's energy that the other record must cover.
 const COVERED: f64 = 0.9;
 
 /// A value by both instruments.
@@ -99,7 +99,7 @@ pub struct AgainstReference {
     pub absorbed_predicted: Absorbed,
 }
 
-/// Holds a strike against a reference.
+/// Compares a strike with a reference.
 ///
 /// # Errors
 /// Samples or settings of the strike are missing, or the reference does not hold it: one line each.
@@ -157,7 +157,7 @@ pub fn compare(strike: &RecordedStrike, reference: &Waveform) -> Result<AgainstR
     })
 }
 
-/// Lays a reference over the bead's samples, the first of which is `first` s after the trigger.
+/// Aligns a reference with the bead's samples, the first of which is `first` s after the trigger.
 fn aligned(
     name: &str,
     bead: &[f64],
@@ -218,7 +218,7 @@ fn aligned(
     let [(bead_top, bead_height), (top, height)] = [&own, &other].map(|values| summit(values));
     let skipped = overlap[0] as f64;
     let time = |sample: f64| first + (skipped + sample) / rate;
-    // In the reference's file a time is later by this than after the trigger.
+    // Difference of an instant's time in the reference's file and its time since the trigger, s.
     let into_file = shift + start - first;
     Ok(AlignedQuantity {
         correlation: correlation(&own, &other),
@@ -245,21 +245,21 @@ fn aligned(
 }
 
 /// Time of the reference at the bead's first sample, s, to a sample: where the pulse and the reference have
-/// the greatest cross-correlation. A sensor that is wired the other way round is found too.
+/// the greatest cross-correlation. An inverted sensor is found too.
 fn coarse(bead: &[f64], rate: f64, reference: &mut Trace) -> f64 {
     let peak = greatest(bead);
     let from = peak.saturating_sub(PULSE);
     let pulse = &bead[from..(peak + PULSE).min(bead.len())];
     let begin = reference.begin();
     let count = ((reference.end() - begin) * rate).floor() as usize + 1;
-    // At rest before and after, so that the pulse may stand over either end.
+    // At rest before and after, so that the pulse may extend beyond either end.
     let mut resampled = vec![0.0; count + 2 * pulse.len()];
     for (sample, value) in resampled[pulse.len()..][..count].iter_mut().enumerate() {
         *value = reference.around(begin + sample as f64 / rate, 1.0 / rate);
     }
     let match_at = |lag: usize| product(&resampled[lag..], pulse).abs();
-    // The pulse's energy up to each of its samples. Where the reference does not reach over it, nothing can
-    // be said.
+    // The pulse's energy up to each of its samples. Nothing can be said where the reference does not cover
+    // it.
     let mut energy = vec![0.0];
     for value in pulse {
         energy.push(energy[energy.len() - 1] + value * value);
@@ -314,7 +314,7 @@ fn summit(values: &[f64]) -> (f64, f64) {
         below.unwrap_or(top.saturating_sub(1)),
         above.unwrap_or((top + 1).min(last)),
     );
-    // About the middle the sums of odd powers are 0, and value = a + b x + c x² has its solution at once.
+    // About the middle the sums of odd powers are 0, and value = a + b x + c x² has a closed solution.
     let middle = 0.5 * (from + to) as f64;
     let sum = |of: fn(f64, f64) -> f64| -> f64 {
         let places = (from..).map(|at| at as f64 - middle);
@@ -344,8 +344,8 @@ mod tests {
     use crate::sensed::simulate_with_ring_down;
     use crate::testing::{recorded_strike, waveform};
 
-    /// The paper's strike at bead 8 as an instrument of its own would have it: at `rate_hz`, its time 0
-    /// `late` s after the striker hit, its values `gain` times as high.
+    /// The paper's strike at bead 8 as another instrument would record it: at `rate_hz`, its time 0 `late` s
+    /// after the striker hit, its values `gain` times as high.
     fn other(rate_hz: f64, late: f64, gain: f64) -> Waveform {
         let solution = simulate_with_ring_down(&Scenario::paper()).unwrap();
         let count = ((solution.end() - late) * rate_hz) as usize;
@@ -416,7 +416,7 @@ mod tests {
         let correlation = found.force.unwrap().correlation.abs();
         assert!(correlation < 0.3, "{correlation}");
         assert!(found.absorbed_measured.reference.is_none() && found.acceleration.is_none());
-        // Of the time that is gone nothing is known.
+        // Nothing is known of the missing time.
         let mut lossy = recorded_strike();
         lossy.scans.truncate(100);
         assert!(compare(&lossy, &strange).err().unwrap().contains("misses"));

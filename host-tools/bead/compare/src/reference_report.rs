@@ -17,7 +17,7 @@ pub struct ComparedReference<'a> {
     pub strike: u32,
     /// The comparison.
     pub against: &'a AgainstReference,
-    /// The reason of the failure, if there is one.
+    /// The reason for the failure, if there is one.
     pub failure: Option<&'a str>,
     /// Command, versions and date of the report.
     pub made: &'a [Fact],

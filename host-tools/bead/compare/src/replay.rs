@@ -1,4 +1,4 @@
-//! The recorded samples through the bead's own fixed-point code: every result must come out bit for bit.
+//! Replays the recorded samples through the bead's own fixed-point code: every result must match bit for bit.
 
 use bead_model::layout::{BASELINE, LEAD};
 use bead_model::{Meter, Origin, Scan, Settings, Sink, Window, WindowRecord};
@@ -40,12 +40,12 @@ pub struct Replay {
     pub energies: Vec<(Energy, Energy)>,
     /// The first difference of device and replay; none if they agree in every bit that was replayed.
     pub first_difference: Option<String>,
-    /// Cause for which it was not replayed to its end, if there is one.
+    /// Reason why the strike was not replayed to its end, if there is one.
     pub incomplete: Option<String>,
 }
 
 impl Replay {
-    /// True if replay gives everything that the bead sent, bit for bit.
+    /// True if replay reproduces everything that the bead sent, bit for bit.
     pub fn identical(&self) -> bool {
         self.first_difference.is_none() && self.incomplete.is_none()
     }
@@ -59,7 +59,7 @@ impl Replay {
         }
     }
 
-    /// One line about what is wrong, `None` if they are identical.
+    /// One line about what is wrong, `None` if device and replay are identical.
     pub fn failure(&self) -> Option<String> {
         let differs = self.first_difference.as_ref();
         let differs = differs.map(|what| format!("replay differs: {what}"));
@@ -75,7 +75,7 @@ impl Replay {
     }
 }
 
-/// At 100 kHz a bead gets there in three million years.
+/// Greatest sample index. A bead reaches it in three million years at 100 kHz.
 const INDEX_MOST: u64 = i64::MAX as u64;
 
 /// Replays one strike twice: its window alone, and as a stream through the strike detector, which must fire
@@ -131,7 +131,7 @@ pub fn replay(strike: &RecordedStrike) -> Replay {
     }
 }
 
-/// The replay of a strike with a gap, up to which these are its energies.
+/// The replay of a strike with a gap; `energies` are those before it.
 fn cut(strike: &RecordedStrike, energies: Vec<(Energy, Energy)>) -> Replay {
     let (number, missing, before) = (strike.said.strike, strike.missing(), energies.len());
     let agree = match before {
@@ -152,7 +152,8 @@ fn cut(strike: &RecordedStrike, energies: Vec<(Energy, Energy)>) -> Replay {
 }
 
 fn differs_in_chunks(strike: &RecordedStrike, energies: &[(Energy, Energy)]) -> Option<String> {
-    // The first sample after which a hundredth is absorbed. Before, there are few bits in which to differ.
+    // The first sample after which a hundredth is absorbed. Before it, the energies have few bits that could
+    // differ.
     let last = energies.last().map_or((0, 0), |(a, b)| (a.bits(), b.bits()));
     let is_more = |(a, b): &(Energy, Energy)| a.bits() > last.0 / 100 && b.bits() > last.1 / 100;
     let start = energies.iter().position(is_more);
@@ -196,8 +197,8 @@ struct FieldNumber {
     si: Option<(f64, &'static str)>,
 }
 
-/// The fields that an older image computed as this program does, if one sent the strike: its shape has no
-/// energy left.
+/// A line that names the fields which an older image computed as this program does, if one sent the strike.
+/// The shape from such an image lacks the energy left in the intruder.
 fn is_of_an_older_image(strike: &RecordedStrike, said: &Strike, shape: &Shape) -> Option<String> {
     let device = strike
         .shape
@@ -274,8 +275,8 @@ fn numbers(body: &dyn Fields, rate: Option<u32>) -> Vec<(String, FieldNumber)> {
     all
 }
 
-/// The results of replay in the conditions that the bead measured, which no sample tells. If the shape was
-/// not received, they are not known, and neither is the flag that follows from them.
+/// The results of replay in the conditions that the bead measured, which the samples do not show. If the
+/// shape was not received, they are unknown, and the flag that follows from them is taken from the bead.
 fn in_conditions(
     strike: &RecordedStrike,
     settings: &Settings,
@@ -304,7 +305,7 @@ fn differs_in_results(strike: &RecordedStrike, said: &Strike, shape: &Shape) -> 
     differs("strike", &device, said, rate).or_else(|| differs("shape", &strike.shape?, shape, rate))
 }
 
-/// Results of a meter for the first window that it completes. A wave that cuts this one has another.
+/// Results of a meter for the first window that it completes. A wave that cuts this window has its own.
 #[derive(Default)]
 struct MeterOutput {
     chunks: Vec<WindowChunk>,
@@ -329,15 +330,15 @@ impl Sink for MeterOutput {
     }
 }
 
-/// Scans that stand in for those before the window. It begins where the detector's history began, and the
-/// recording does not hold the quiet before that, which armed the detector.
+/// Scans that replace those before the window. The window begins where the detector's history began, and the
+/// recording lacks the quiet before that, which armed the detector.
 ///
-/// The quiet start of the window stands in for it, again and again. After an earlier strike the window may
-/// start on a slope: repeated, that would jump, and no jump arms a detector. There the scan with the highest
-/// force is held, from which nothing rises.
+/// The quiet start of the window is repeated in its place. After an earlier strike the window may start on a
+/// slope, which would jump when repeated and so not arm the detector. Then the scan with the highest force is
+/// held instead, from which nothing rises.
 fn quiet_before<'a>(strike: &'a RecordedStrike, settings: &Settings) -> Option<&'a [ScanCodes]> {
     let quiet = strike.scans.get(..usize::from(BASELINE))?;
-    // These are compared with scans before the window.
+    // The detector compares these with scans before the window.
     let length = usize::from(settings.window.lookback).max(quiet.len());
     let start = &strike.scans[..length.min(strike.scans.len())];
     let force = |codes: &&ScanCodes| codes.sensitive[0];
@@ -350,8 +351,8 @@ fn quiet_before<'a>(strike: &'a RecordedStrike, settings: &Settings) -> Option<&
     })
 }
 
-/// Cuts the window of a strike after its last scan, as the wave did that the window does not have: the force
-/// holds still until it rises at its trigger.
+/// Cuts the window of a strike after its last scan, as did a wave that the window lacks: the force is held
+/// until it rises at the trigger of that wave.
 fn cut_as_the_wave_did(
     meter: &mut Meter,
     mut settings: Settings,
@@ -377,14 +378,14 @@ fn cut_as_the_wave_did(
 fn differs_as_stream(strike: &RecordedStrike, settings: &Settings) -> Option<String> {
     let (number, trigger) = (strike.said.strike, strike.said.trigger_index);
     let quiet = quiet_before(strike, settings)?;
-    // Of a strike right after the start the bead had less before the window, too.
+    // Right after its start, the bead had fewer scans before the window, too.
     let before = (u64::from(settings.window.history) + 1).min(strike.said.first_index);
     let (mut meter, mut settings) = (Meter::new(), *settings);
     let window = settings.window;
     if strike.said.flags.has(StrikeFlags::FROM_OUTSIDE) {
         meter.keep_around(trigger, trigger, Origin::Line);
-        // The force has not opened this window, and must not do so here. Where it rises before, the detector
-        // was not armed yet: it was when the window was asked for, which may be later than its trigger.
+        // The force did not open this window, and must not do so here. Where it rises earlier, the detector
+        // was not armed yet: it was armed when the window was requested, which may be later than its trigger.
         settings.window.threshold = u16::MAX;
     }
     let mut output = MeterOutput::default();
@@ -394,7 +395,7 @@ fn differs_as_stream(strike: &RecordedStrike, settings: &Settings) -> Option<Str
         let (fired, index) = (meter.strikes(), first + offset);
         meter.process(&settings, index, [codes.scan()], &mut output);
         if index == trigger {
-            // Another wave cuts the window only where it did there.
+            // Another wave cuts the window only where it did on the bead.
             settings.window = window;
             meter.pass_over(true);
         }
@@ -432,7 +433,7 @@ mod tests {
 
     #[test]
     fn a_strike_right_after_the_start_replays_to_the_same_bits() {
-        // With less before it no strike is found, and none is lost without a word: the detector was not
+        // With fewer scans before it no strike is found, and none is lost silently: the detector was not
         // armed.
         let earliest = (0..300).find_map(|quiet| recorded_after(f64::from(quiet) * 1e-5));
         let earliest = earliest.expect("3 ms are enough");
@@ -475,7 +476,7 @@ mod tests {
         let mut strike = recorded_strike();
         let rest = strike.scans[0];
         strike.scans.fill(rest);
-        // The meter saw little before, and is armed a history after the rise.
+        // The meter saw few scans before, and is armed one history after the rise.
         for codes in &mut strike.scans[55..] {
             codes.sensitive[0] += 100;
         }
@@ -490,7 +491,7 @@ mod tests {
 
     #[test]
     fn a_strike_on_the_slope_of_an_earlier_one_replays_to_the_same_bits_and_its_trigger_is_held() {
-        // Also one whose slope is longer than the baseline.
+        // One of the slopes is longer than the baseline.
         for end in [20, 64, 100] {
             // The force falls from an earlier strike, by a code at each scan until this one of the window.
             let mut strike = recorded_strike();
@@ -642,7 +643,7 @@ mod tests {
             for before_end in [0, i64::MAX as u64] {
                 let index = u64::MAX - before_end;
                 let refused = format!("its sample index {index} is none that a bead reaches");
-                // The place of missing samples is not told either.
+                // The place of missing samples is not given either.
                 for scans in [632, 672] {
                     let what = changed(|strike| {
                         change(&mut strike.said, index);

@@ -125,13 +125,13 @@ fn intruders_around(solution: &Solution, bead: usize) -> Neighbours {
     Neighbours::new(behind, elsewhere, intruder)
 }
 
-/// True if no other intruder is near enough to change the ringing of a bead's within a window.
+/// True if no other intruder is near enough to change the ringing of a bead's own within a window.
 pub(crate) fn rings_alone(solution: &Solution, bead: usize) -> bool {
     let near = |place: usize| place != bead && place.abs_diff(bead) <= NEAR;
     !solution.model().intruders().iter().any(|one| near(one.bead))
 }
 
-/// Ways in which a bead is unlike what its estimators reckon with.
+/// Differences between a bead's chain and the one that its estimators assume.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct UnlikeChain {
     /// A line for each.
@@ -140,10 +140,10 @@ pub struct UnlikeChain {
     pub explained: [f64; 2],
 }
 
-/// Where the reduced chain of estimate B is not like the real chain, and where its steps are long.
+/// Lists where the reduced chain of estimate B is unlike the real chain, and where its steps are long.
 ///
-/// The reduced chain has the six beads behind the host as they are, but for intruders of another kind than
-/// the first of them holds.
+/// The reduced chain has the six beads behind the host as they are, except for intruders unlike the first one
+/// among them.
 pub fn unlike_the_reduced_chain(solution: &Solution, bead: usize) -> UnlikeChain {
     let model = solution.model();
     let mut unlike = UnlikeChain::default();
@@ -188,8 +188,8 @@ pub fn unlike_the_reduced_chain(solution: &Solution, bead: usize) -> UnlikeChain
     unlike
 }
 
-/// Bounds of the errors of A and B of a wave that is `samples` wide, %, of random beads at both gains. 0.6 %
-/// of A is what the change of gains may cost.
+/// Bounds of the errors of A and B for a wave that is `samples` wide, %, from random beads at both gains. The
+/// change of gains may cost A 0.6 %.
 fn short_wave_bounds(samples: f64) -> [f64; 2] {
     [
         0.6 * f64::max(1.0, 4.0 / samples).powi(2),
@@ -219,13 +219,13 @@ pub fn only_host(scenario: &Scenario) -> Result<usize, CompareError> {
     }
 }
 
-/// Beads of a list that are told.
+/// Greatest number of beads that a message lists.
 pub const BEADS_TOLD: usize = 10;
 
 /// Reads a scenario together with its text.
 ///
 /// # Errors
-/// The file is missing or is no scenario; the message names file, line and key.
+/// The file is missing or is not a scenario; the message names file, line and key.
 pub fn load_scenario(path: &Path) -> Result<(Scenario, String), CompareError> {
     // Read once: a pipe has its text only once.
     let text = read_text(path, "a scenario file in TOML")?;
@@ -364,8 +364,8 @@ impl Sensed {
         Self::of([force, acceleration], solution.end(), timing)
     }
 
-    /// Sensors at which a waveform is played, as often as `timing` has strikes. A sensor that the waveform
-    /// does not have stays at rest.
+    /// Sensors that play a waveform once for each strike of `timing`. A sensor that the waveform lacks stays
+    /// at rest.
     pub fn playing(waveform: &Waveform, timing: Timing) -> Self {
         let traces = [&waveform.force, &waveform.acceleration];
         let signals = traces.map(|trace| trace.clone().map(SensorSignal::Played));
@@ -403,7 +403,7 @@ impl Sensed {
             return None;
         }
         let number = (guess as u32).min(self.timing.strikes.checked_sub(1)?);
-        // A strike starts up to one sample after its place in the row. Until then the strike before still
+        // A strike starts up to one sample after its place in the row. Until then the previous strike still
         // counts.
         let mut start = self.timing.start(number);
         if time < start && number > 0 {
@@ -412,7 +412,7 @@ impl Sensed {
         Some(start).filter(|start| (0.0..=self.long).contains(&(time - start)))
     }
 
-    /// Time since the start of the strike at `time`, s. It is fast where times follow one another.
+    /// Time since the start of the strike at `time`, s. It is fast if consecutive times are in one strike.
     fn since_start(&mut self, time: f64) -> Option<f64> {
         let since = time - self.last.start;
         if self.last.contains(&time) && since <= self.long {
@@ -525,7 +525,7 @@ mod tests {
         }
     }
 
-    /// A chain of spheres of one material, drawn by chance, whose wave is short; the strike reaches from a
+    /// A chain of spheres of one material, drawn at random, whose wave is short; the strike reaches from a
     /// quarter of the high gain to far into the low one.
     #[test]
     fn bounds_of_short_waves_hold_for_500_random_beads_at_both_gains() {

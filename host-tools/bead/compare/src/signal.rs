@@ -11,7 +11,7 @@ use bead_model::settings::Settings;
 use crate::f64_estimators;
 use bead_recording::strikes::{RecordedStrike, ScanCodes};
 
-/// The signals of a strike of which settings and all samples are there, enough for a baseline.
+/// The signals of a strike that has settings and all samples, enough of them for a baseline.
 pub(crate) struct StrikeSignals<'a> {
     pub(crate) strike: &'a RecordedStrike,
     pub(crate) settings: &'a Settings,
@@ -112,9 +112,8 @@ pub(crate) fn force_noise(strike: &RecordedStrike) -> f64 {
     codes * per_code.map_or(0.0, |per_code| per_code.to_num())
 }
 
-/// The force as estimate B of the bead takes it, N, in `finer` steps a sample; `noise` is the force's noise,
-/// N rms. The bead uses forces from the foot of the wave on. After some weak forces in a row it takes them
-/// for noise.
+/// The force as the bead's estimate B uses it, N, in `finer` steps a sample; `noise` is the force's noise, N
+/// rms. The bead ignores forces before the foot of the wave, and takes a run of weak ones for noise.
 pub(crate) fn gated(force: &[f64], settings: &Settings, noise: f64, finer: usize) -> Vec<f64> {
     let gate = f64::max(settings.chain.gate.to_num(), 3.0 * noise);
     let foot = usize::from(settings.window.noise_end()) * finer;

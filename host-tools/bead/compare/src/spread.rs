@@ -3,8 +3,8 @@
 //! # Design
 //! The mean says how far off the bead is, the root mean square how much noise adds. A goal is missed where
 //! the whole interval that holds the true value in 19 cases of 20 lies beyond it. The interval of the mean is
-//! Student's; the lower end of that of the scatter comes from the chi-squared distribution. A strike alone is
-//! held to the goal of the mean; its interval is that of the noise before it, through the estimates.
+//! Student's; the lower end of the scatter's comes from the chi-squared distribution. A single strike is held
+//! to the goal of the mean; its interval is that of the noise before it, through the estimates.
 
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
@@ -71,7 +71,7 @@ impl RunningMean {
     }
 }
 
-/// The deviations of A and of B, strike by strike. It keeps no strike.
+/// Running sums of the deviations of A and of B. No strike is kept.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Deviations {
     of: [RunningMean; 2],
@@ -81,8 +81,8 @@ pub(crate) struct Deviations {
 }
 
 impl Deviations {
-    /// From a truth that is only known within this part of it, as where the striker's velocity was fitted,
-    /// and with these goals.
+    /// Deviations from a truth that is only known within this part of it, such as with a fitted striker's
+    /// velocity, and with these goals.
     pub(crate) fn within(truth: f64, goal: StrikeGoal) -> Self {
         Self {
             truth,
@@ -96,7 +96,7 @@ impl Deviations {
         self.of[1].push(deviation.absorbed_predicted);
     }
 
-    /// Of a strike alone, `noise` is the expanded uncertainty of A and B by its own noise.
+    /// The spreads of A and B. For a single strike, `noise` is their expanded uncertainty by its own noise.
     pub(crate) fn spread(&self, noise: Option<[f64; 2]>) -> [Spread; 2] {
         let of = |place: usize| {
             let uncertainty = [
@@ -171,13 +171,13 @@ impl Spread {
     }
 }
 
-/// Half the width of the interval that holds the true mean of `count` values in 19 cases of 20, for values
-/// that scatter by the standard deviation `scatter`. There are two values at least.
+/// Half the width of the interval that holds the true mean of `count` values in 19 cases of 20, for two or
+/// more values with the standard deviation `scatter`.
 pub(crate) fn mean_uncertainty(scatter: f64, count: usize) -> f64 {
     student((count - 1) as f64) * scatter / (count as f64).sqrt()
 }
 
-/// Chi-squared with this many degrees of freedom, 1 or more: 97.5 % of it is below this.
+/// The 97.5 % quantile of chi-squared with this many degrees of freedom, 1 or more.
 fn chi_squared(free: usize) -> f64 {
     ChiSquared::new(free as f64)
         .expect("a degree of freedom at least")

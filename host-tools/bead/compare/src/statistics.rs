@@ -1,4 +1,4 @@
-//! All strikes of a recording together: mean, spread, where they lie, and how they change.
+//! All strikes of a recording together: mean, spread, distribution and history.
 
 use hertz_charts::{Axis, Chart, Ink, Mark, Panel, Series};
 
@@ -9,7 +9,7 @@ use crate::spread::{RunningMean, Spread, mean_uncertainty};
 use crate::strike::StrikeComparison;
 
 const BINS: usize = 12;
-/// Strikes that the history shows; of more, every second, third and so on.
+/// Greatest number of strikes in the history; of more, it shows every second, third and so on.
 const SHOWN: usize = 2000;
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -39,7 +39,7 @@ impl Distribution {
         let mut bins = vec![0; BINS];
         let width = (self.greatest - self.least) / BINS as f64;
         for value in values {
-            // Equal values have no width, and are all in the first.
+            // Equal values have no width, and are all in the first bin.
             let bin = ((value - self.least) / width).max(0.0);
             bins[(bin as usize).min(BINS - 1)] += 1;
         }
@@ -80,7 +80,7 @@ fn row(
     let distribution = Distribution::of(&values)?;
     let offs: Vec<f64> = strikes.iter().filter_map(|strike| quantity.off(strike)).collect();
     let off = match goal {
-        // Over all strikes of the recording, also those that are not kept.
+        // Over all strikes of the recording, including those that are not kept.
         Some(goal) => percent_within(goal.mean, goal.uncertainty),
         None => Distribution::of(&offs).map_or(DASH.to_owned(), |off| {
             let by_scatter = mean_uncertainty(off.deviation, offs.len());

@@ -42,7 +42,7 @@ pub struct StrikeConditions {
 }
 
 impl StrikeConditions {
-    /// Those of a strike; `None` if they were not measured yet, or not received.
+    /// The conditions of a strike; `None` if they were not measured yet, or not received.
     pub fn of(strike: &RecordedStrike) -> Option<Self> {
         strike.shape?.conditions.map(|conditions| Self {
             supply: conditions.supply.volts(),
@@ -114,13 +114,13 @@ pub struct StrikeComparison {
 }
 
 impl StrikeComparison {
-    /// Makes it one of several strikes, which are judged together.
+    /// Marks the strike as one of several, which are judged together.
     pub(crate) fn join_others(&mut self) {
         self.pass = self.replay_identical;
         self.alone = false;
     }
 
-    /// Judges a strike alone by its goals and its own noise.
+    /// Judges a single strike by its goals and its own noise.
     pub(crate) fn judge(&mut self, [a, b]: &[Spread; 2]) {
         self.pass = self.replay_identical && a.pass && b.pass;
         self.noise_allowance = a.uncertainty.and(b.uncertainty).map(|_| StrikeGoal {
@@ -129,8 +129,7 @@ impl StrikeComparison {
         });
     }
 
-    /// The strike and what is left of it without the simulation, as charts; `None` if its curves are not
-    /// kept.
+    /// Charts of the strike and of its difference from the simulation; `None` if its curves are not kept.
     pub fn charts(&self) -> Option<[Chart; 2]> {
         let traces = self.traces.as_ref()?;
         Some([strike_chart(traces), residual_chart(traces)])
@@ -165,7 +164,7 @@ pub struct ShapeValues {
 }
 
 impl ShapeValues {
-    /// With the reduced mass μ of intruder and host, kg, if the bead rings alone.
+    /// A bead's shape. `reduced` is the reduced mass μ of intruder and host, kg, if the bead rings alone.
     fn of(said: &bead_wire::Shape, rate_hz: u32, reduced: Option<f64>) -> Self {
         let (frequency, decay) = (said.ring_frequency.hertz(), said.ring_decay.per_second());
         let omega = std::f64::consts::TAU * frequency;
@@ -181,9 +180,9 @@ impl ShapeValues {
     }
 }
 
-/// The first wave of at least this part of the highest one's height opens the window of the main wave.
+/// Least height of the wave that opens the window of the main wave, as a part of the highest wave's.
 const HIGH: f64 = 0.5;
-/// Samples on either side of its peak in which a pulse is looked for.
+/// Reach of a pulse on either side of its peak, in samples.
 const PULSE: f64 = 60.0;
 
 /// The full chain that strikes are compared with. It is run once for all strikes.
@@ -219,7 +218,7 @@ impl FullChain {
         Self::of(scenario, &Arc::new(simulate_with_ring_down(scenario)?), bead)
     }
 
-    /// Takes a solution of `scenario`, [with ring-down](simulate_with_ring_down).
+    /// Uses a solution of `scenario`, [with ring-down](simulate_with_ring_down).
     ///
     /// # Errors
     /// The bead has no intruder, or no force reaches it.
@@ -258,7 +257,7 @@ impl FullChain {
         })
     }
 
-    /// The energy that the main wave brings to the bead, J: the work that it does on it. None if it comes
+    /// The energy that the main wave brings to the bead, J: its work on the bead. `None` if the wave comes
     /// from the far end.
     pub(crate) fn incident(&self) -> Option<f64> {
         let pulse = self.pulse?;
@@ -275,7 +274,7 @@ impl FullChain {
         let mut force = during(&self.force);
         let (highest, time) = self.peak;
         let (mut below, mut above) = (self.pulse.map_or(0.0, |pulse| pulse.from), time);
-        // By halves, to the last bit or so: the force only rises there.
+        // Bisection, to the last bit or so: the force only rises there.
         for _ in 0..50 {
             let middle = 0.5 * (below + above);
             let is_below = force(middle) < 0.5 * highest;
@@ -379,8 +378,8 @@ impl FullChain {
             let energies = [chunk.absorbed_measured, chunk.absorbed_predicted];
             (chunk.end - 1, energies.map(|energy| energy.joules()))
         });
-        // Both estimates of the device use a sample when the next one is there, and count it in full: after
-        // sample n they stand for the time n - 1/2.
+        // Both estimates of the device use a sample once the next one has come, and count it in full: after
+        // sample n they hold for the time n - 1/2.
         let half = start - 0.5 / rate;
         to.traces = Some(Traces {
             acceleration: beside(&signals.acceleration, start + SCAN_SKEW, rate, &self.acceleration),
@@ -391,8 +390,8 @@ impl FullChain {
         });
     }
 
-    /// The curves of A and B from their energies after samples, and the chain's. The first sample of the
-    /// force is at `start`, s; A uses the acceleration, a skew later.
+    /// The curves of A and B from the energies after each sample, beside the chain's. The first sample of the
+    /// force is at `start`, s; A uses the acceleration, one skew later.
     fn absorbed(
         &self,
         start: f64,
@@ -443,13 +442,13 @@ impl FullChain {
         })
     }
 
-    /// Time since the striker hit of the window's first sample: where the squared distance of sensed and
-    /// simulated force is least.
+    /// Time of the window's first sample since the striker hit, s: the one that minimises the squared
+    /// distance of sensed and simulated force.
     fn place(&self, force: &[f64], rate: f64) -> f64 {
         let peak = (0..force.len())
             .max_by(|&a, &b| force[a].total_cmp(&force[b]))
             .unwrap_or(0);
-        // The pulse and what follows at once. Later waves are small and would cost time.
+        // The pulse and what directly follows it. Later waves are small and would cost time.
         let near = peak.saturating_sub(40)..(peak + 80).min(force.len());
         let distance = |start: f64| -> f64 {
             let mut simulated = during(&self.force);
@@ -466,9 +465,9 @@ pub(crate) fn force_railed(strike: &RecordedStrike) -> bool {
     strike.said.flags.has(StrikeFlags::FORCE_RAILED)
 }
 
-/// The main wave of a chain's pulses at a bead: the highest within the window, `after` seconds from the first
-/// that is high. A wave that comes again later, from a wall or from the far end, may be higher, but it has a
-/// window of its own.
+/// The main wave among a chain's pulses at a bead: the highest in the window, which ends `after` seconds from
+/// the first high pulse. A wave that returns later, from a wall or from the far end, may be higher, but it
+/// has its own window.
 fn main_wave(pulses: &[Pulse], load: f64, after: f64) -> Option<Pulse> {
     let height = |pulse: &Pulse| pulse.force - load;
     let highest = pulses.iter().map(height).fold(0.0, f64::max);
@@ -602,7 +601,7 @@ mod tests {
         assert_eq!(force.at(0.0), 0.0);
         // It rises through half of its height, not through half of the total.
         assert!((force.at(chain.front()) / (0.5 * (total - 2.0)) - 1.0).abs() < 1e-9);
-        // The wave brings energy, but the bead reckons with a chain without a load.
+        // The wave brings energy, but the bead assumes a chain without a load.
         assert!(chain.incident().is_some_and(|brought| brought > 0.0));
         assert_eq!(chain.compare(&recorded_strike()).incident, None);
     }

@@ -21,7 +21,7 @@ use crate::strike::StrikeComparison;
 use crate::verdict::passed;
 use bead_recording::json::hex;
 
-/// A bead's strikes, compared, and what is known of the run.
+/// A bead's compared strikes, and the facts of their run.
 #[derive(Debug)]
 pub struct ComparedStrikes<'a> {
     /// The scenario's title.
@@ -40,10 +40,10 @@ pub struct ComparedStrikes<'a> {
     pub scenario: &'a str,
 }
 
-/// Strikes up to this many are shown in full. Of more, the page shows the first, the worst and the first that
-/// failed.
+/// Greatest number of strikes that are all shown in full. Of more, the page shows the first, the worst and
+/// the first that failed.
 const IN_FULL: usize = 3;
-/// Strikes that have a line each.
+/// Greatest number of strikes with a line each.
 const LINES: usize = 1000;
 
 impl ComparedStrikes<'_> {

@@ -6,10 +6,10 @@ use statrs::distribution::{ContinuousCDF, StudentsT};
 const COVERAGE: f64 = 0.95;
 /// The factor of the normal distribution.
 const NORMAL: f64 = 1.959_963_984_540_054;
-/// From as many degrees of freedom on the normal distribution is meant.
+/// Degrees of freedom from which the normal distribution is used.
 const MANY: f64 = 1e6;
 
-/// Student's t with `free` degrees of freedom, 1 or more: it lies within ± this with a probability of 95 %.
+/// The two-sided 95 % quantile of Student's t with `free` degrees of freedom, 1 or more.
 pub fn student(free: f64) -> f64 {
     let t = StudentsT::new(0.0, 1.0, free);
     let t = t.ok().filter(|_| free < MANY);

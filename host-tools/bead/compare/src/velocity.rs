@@ -2,12 +2,12 @@
 //!
 //! # Design
 //! The force of the first wave goes as v^(6/5) for elastic spheres, and nearly so with losses. The recorded
-//! force is held against the full chain's over the whole pulse by least squares, since its highest sample
+//! force is compared with the full chain's over the whole pulse by least squares, since its highest sample
 //! lies below the peak and noise lifts it. Where it is r times the simulated force, the chain is run again at
 //! v r^(5/6), until r is 1.
 //!
 //! Only the force is used, so A, which comes from the acceleration, and B, whose energy goes as v², can be
-//! judged at that velocity. A force calibration that is off by 1 % is not seen: it changes the velocity by
+//! judged at that velocity. A force calibration that is off by 1 % goes unnoticed: it changes the velocity by
 //! 0.8 %, and the energy by 1.7 %.
 
 use hertz_chain::Scenario;
@@ -19,16 +19,16 @@ use crate::strike::FullChain;
 use crate::verdict::Echoes;
 use bead_recording::strikes::RecordedStrike;
 
-/// Strikes that are used at most. More would cost time and memory, and tell little more.
+/// Greatest number of strikes that are used. More would cost time and memory, and add little.
 pub const STRIKES_MOST: usize = 64;
 
 /// The velocity as a power of the force.
 const EXPONENT: f64 = 5.0 / 6.0;
-/// A round takes an error to a tenth or less.
+/// Greatest number of rounds. Each reduces the error to a tenth or less.
 const ROUNDS: usize = 12;
 /// Relative error at which the force counts as met.
 const MET: f64 = 1e-6;
-/// Strikes whose force is farther from the median, as a part of it, are echoes or other blows.
+/// Greatest distance of a strike's force from the median, as a part of it. Beyond are echoes or other blows.
 const OTHERS: f64 = 0.25;
 
 /// The striker's velocity as the recorded forces tell it.
@@ -53,7 +53,7 @@ impl FittedVelocity {
     }
 }
 
-/// The strikes that a velocity is found from: the first that are no echoes.
+/// The strikes that a velocity is found from: the first that are not echoes.
 pub fn first_strikes(
     strikes: impl Iterator<Item = RecordedStrike>,
     mut echoes: Echoes,
@@ -95,7 +95,7 @@ pub fn fit(
         }
         let within = match scatter {
             Some(scatter) => mean_uncertainty(scatter, ratios.len()),
-            // Of one strike: from what is left of its noise.
+            // For one strike: from its residual noise.
             None => 2.0 * ratios[0].1,
         };
         return Ok(FittedVelocity {
@@ -116,7 +116,7 @@ pub fn fit(
 fn alike(ratios: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
     let mut sorted: Vec<f64> = ratios.iter().map(|(ratio, _)| *ratio).collect();
     sorted.sort_by(f64::total_cmp);
-    // Of an even number the greater: echoes are weaker.
+    // Of an even number, the greater of the middle two: echoes are weaker.
     let Some(&median) = sorted.get(sorted.len() / 2) else {
         return ratios;
     };

@@ -15,15 +15,15 @@ use bead_recording::file::Pieces;
 use bead_recording::received::LastSaid;
 use bead_recording::strikes::{RecordedStrike, UnfinishedWindow};
 
-/// Separates strikes from their echoes: waves that come again after a strike's window, as beads that parted
-/// meet again. The simulation of a strike does not hold for an echo.
+/// Separates strikes from their echoes: waves after a strike's window, from beads that parted and meet again.
+/// The simulation of a strike does not hold for an echo.
 #[derive(Debug, Clone)]
 pub struct Echoes {
     /// The truth of an emulated run, with the instants of its strikes.
     truth: Option<RunTruth>,
     /// Simulated time of a strike, s.
     lasts: f64,
-    /// By address: the last strike that was none.
+    /// The last strike that was not an echo, by address.
     last: BTreeMap<u8, LastStrike>,
 }
 
@@ -36,8 +36,8 @@ struct LastStrike {
 }
 
 impl Echoes {
-    /// For strikes of this scenario. In an emulated run, a wave before the striker hits again is an echo; in
-    /// another, a wave within the simulated time of a strike.
+    /// Finds echoes of strikes of this scenario: in an emulated run, waves before the striker hits again; in
+    /// any other, waves within the simulated time of a strike.
     pub fn of(scenario: &Scenario, truth: Option<RunTruth>) -> Self {
         Self {
             truth,
@@ -57,7 +57,7 @@ impl Echoes {
         is_echo
     }
 
-    /// True if a window after the last strike of the recording, whose result never came, is of an echo.
+    /// True if a window after the last strike of the recording, without a result, is that of an echo.
     pub(crate) fn has_window(&self, window: &UnfinishedWindow) -> bool {
         let now = self.strike(window.boot, window.first_index);
         self.is_again(window.address, now, Some(SAMPLE_RATE_HZ))
@@ -71,7 +71,7 @@ impl Echoes {
         }
     }
 
-    /// The truth. After a reset the indices begin anew and do not tell which strike it was.
+    /// The truth of a boot. After a reset the indices begin again and do not identify the strike.
     fn truth_of(&self, (_, nth): (u8, Option<usize>)) -> Option<&RunTruth> {
         self.truth.as_ref().filter(|_| nth.unwrap_or(0) == 0)
     }
@@ -94,9 +94,8 @@ impl Echoes {
     }
 }
 
-/// A warning where the truth is not of the bead's window: the scenario ends before the energy is absorbed
-/// which the bead measures, or the scenario lasts so much longer that it holds energy of waves that come
-/// after the window.
+/// A warning if the truth does not match the bead's window: the scenario ends before all energy that the bead
+/// measures is absorbed, or lasts so long that it includes energy of waves after the window.
 pub fn other_length(
     scenario: &Scenario,
     solution: &Solution,
@@ -104,9 +103,9 @@ pub fn other_length(
     bead: usize,
     window: WindowSettings,
 ) -> Option<String> {
-    /// A part of the energy that no error of a bead depends on.
+    /// A negligible part of the energy.
     const LITTLE: f64 = 0.005;
-    // The force triggers before it is half as high as it gets, so the window ends a little sooner.
+    // The force triggers before it reaches half of its height, so the window ends a little sooner.
     let after = f64::from(window.length - window.history) / f64::from(SAMPLE_RATE_HZ);
     let end = solution.end().min(chain.front() + after);
     let absorbed = |time: f64| solution.at(time).intruder_dissipated(bead);
@@ -151,7 +150,7 @@ pub struct Soundness {
     pub incomplete: Option<String>,
     /// Frames lost.
     pub lost: u64,
-    /// Runs of bytes that are no frame.
+    /// Runs of bytes that are not a frame.
     pub corrupt: u64,
     /// ADC overruns, by the bead or by the emulated converter.
     pub overruns: u64,
@@ -238,7 +237,7 @@ pub(crate) fn failure(
     run.or_else(|| Some(spread.iter().find_map(Spread::failure)? + why))
 }
 
-/// The verdict where no check failed, with these estimates.
+/// The verdict when no check failed, with these estimates.
 pub(crate) fn passed<'a>(spread: impl IntoIterator<Item = &'a Spread>) -> &'static str {
     if spread.into_iter().all(|spread| spread.goal.is_some()) {
         "Every check passed"
@@ -278,7 +277,7 @@ mod tests {
         let strikes = [(0, 2144), (0, 2900), (0, 3144), (0, 11_000), (0, 12_144)];
         let expected = [false, true, false, true, false];
         assert_eq!(echoes(Some(truth.clone()), &strikes), expected);
-        // The first strike after a reset, at an index that was before; and what comes 10 ms after it.
+        // The first strike after a reset, at an index that came before, and a wave 10 ms after it.
         let strikes = [(0, 2144), (1, 2500), (1, 3500), (1, 5000)];
         assert_eq!(echoes(Some(truth), &strikes), [false, false, true, false]);
     }
@@ -354,7 +353,7 @@ mod tests {
 
     #[test]
     fn without_a_truth_an_echo_comes_within_the_time_that_is_simulated() {
-        // The echo of an echo is one of its strike, too.
+        // The echo of an echo is also one of its strike.
         let strikes = [(0, 2144), (0, 2900), (0, 3343), (0, 3344), (0, 4600)];
         assert_eq!(echoes(None, &strikes), [false, true, true, false, false]);
         assert_eq!(echoes(None, &[(0, 2144), (1, 2200), (1, 1000)]), [false; 3]);

@@ -61,7 +61,7 @@ impl FromStr for BeadNumbers {
 /// Parses the value of `--bead` of a command for one bead.
 ///
 /// # Errors
-/// One line: what to give in its place.
+/// A line that says what to give instead.
 pub fn one_bead(text: &str) -> Result<usize, String> {
     match text.parse()? {
         BeadNumbers::One(bead) => Ok(bead),

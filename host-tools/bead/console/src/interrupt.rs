@@ -5,11 +5,11 @@
 //! written are removed, so are the temporary files of a run, and a QEMU sees that its host is gone and ends.
 //! The exit status is 128 and the signal's number.
 //!
-//! A command that records has a better end: it asks for [`orderly`]. The first signal then asks it to
-//! complete its recording; after [`PATIENCE`], or at the second signal, it ends all the same, and its file
-//! stays readable under its temporary name.
+//! A command that records calls [`orderly`]. The first signal then asks it to complete its recording; after
+//! [`PATIENCE`], or at the second signal, it ends all the same, and its file stays readable under its
+//! temporary name.
 //!
-//! A command that goes on where it was, such as a sweep, says so: [`resumable`].
+//! A command that can resume its work, such as a sweep, calls [`resumable`].
 //!
 //! A signal that is ignored when the program starts stays ignored: under `nohup` a recording outlives its
 //! terminal.
@@ -25,7 +25,7 @@ use signal_hook::iterator::Signals;
 use bead_recording::note::note;
 use bead_tables::whole::remove_unfinished;
 
-/// A command that was asked to end ends within this time.
+/// Time in which a command that was asked to end must end.
 pub const PATIENCE: Duration = Duration::from_secs(5);
 
 /// Flag of a command that ends in order.
@@ -33,7 +33,7 @@ static STOP: OnceLock<Arc<AtomicBool>> = OnceLock::new();
 /// Remains of a command that ends at once, or a way to go on with it.
 static LEFT: OnceLock<String> = OnceLock::new();
 
-/// Listens for signals from now on. Call it once, first.
+/// Starts listening for signals. Call it once, before all else.
 ///
 /// # Errors
 /// The system refuses.
@@ -62,7 +62,7 @@ pub fn watch() -> io::Result<()> {
 }
 
 /// A flag that the first signal sets. The command must then end in order, and has [`PATIENCE`] for that;
-/// `left` says what there is of its work if it takes longer.
+/// `left` says what remains of its work if it takes longer.
 pub fn orderly(left: String) -> Arc<AtomicBool> {
     resumable(left);
     Arc::clone(STOP.get_or_init(Arc::default))
@@ -70,7 +70,7 @@ pub fn orderly(left: String) -> Arc<AtomicBool> {
 
 /// A command that ends at once may leave finished parts of its work; `how` says how to go on with them.
 pub fn resumable(how: String) {
-    // A command says it once.
+    // Each command sets it once.
     let _ = LEFT.set(how);
 }
 

@@ -54,8 +54,8 @@ pub fn print(format: Format, value: &impl Serialize, table: impl FnOnce() -> Str
     }
 }
 
-/// Prints `value` as one JSON document, with the version of its schema (docs/schemas). Of a list, every
-/// object has it, as every line of `bead decode` has.
+/// Prints `value` as one JSON document, with the version of its schema (docs/schemas). In a list, every
+/// object has the version, as does every line of `bead decode`.
 fn print_json(value: &impl Serialize) -> Result<(), Failure> {
     let failed = "cannot write the result as JSON";
     let mut document = serde_json::to_value(value).context(failed)?;
@@ -70,7 +70,7 @@ fn print_json(value: &impl Serialize) -> Result<(), Failure> {
 }
 
 /// Prints one line, or several, to standard output, or to standard error while a result with the path `-` has
-/// standard output. What could steer a terminal is shown, not sent.
+/// standard output. Control sequences of terminals are shown, not sent.
 ///
 /// # Errors
 /// Standard output is closed or full.
@@ -85,7 +85,7 @@ pub fn print_line(text: &str) -> Result<(), Failure> {
 /// Outcome of writing to standard output. A reader that has gone away is not an error.
 ///
 /// # Errors
-/// The system's, in words.
+/// The system's error, in words.
 pub fn written(result: io::Result<()>) -> Result<(), Failure> {
     match result {
         Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
@@ -96,7 +96,7 @@ pub fn written(result: io::Result<()>) -> Result<(), Failure> {
 /// Parses a number above 0.
 ///
 /// # Errors
-/// One line: what to give in its place.
+/// A line that says what to give instead.
 pub fn positive(text: &str) -> Result<f64, String> {
     let number = text.parse().ok();
     let number = number.filter(|number: &f64| number.is_finite() && *number > 0.0);
@@ -106,7 +106,7 @@ pub fn positive(text: &str) -> Result<f64, String> {
 /// Parses a duration in s, more than 0.
 ///
 /// # Errors
-/// One line: what to give in its place.
+/// A line that says what to give instead.
 pub fn seconds(text: &str) -> Result<Duration, String> {
     let seconds = positive(text)
         .ok()
@@ -118,7 +118,7 @@ pub fn seconds(text: &str) -> Result<Duration, String> {
 /// Parses a duration in s, a day at most: something waits for its end.
 ///
 /// # Errors
-/// One line: what to give in its place.
+/// A line that says what to give instead.
 pub fn seconds_of_a_day(text: &str) -> Result<Duration, String> {
     let duration = seconds(text)
         .ok()
@@ -193,7 +193,7 @@ fn shown(bar: ProgressBar, template: &str) -> ProgressBar {
     }
     if let Ok(style) = ProgressStyle::with_template(template) {
         let left = |state: &ProgressState, to: &mut dyn fmt::Write| {
-            // Nothing is known of the rest before some of it is done. What cannot be told is not shown.
+            // The time left is unknown before some of the work is done.
             let _ = match state.pos() {
                 0 => write!(to, "time left unknown"),
                 _ => write!(to, "{:#} left", HumanDuration(state.eta())),

@@ -29,7 +29,7 @@ impl Overwrite {
     /// The place of an output that may not have been asked for.
     ///
     /// # Errors
-    /// As of [`targets`].
+    /// As [`targets`].
     pub fn optional(
         self,
         path: Option<&Path>,
@@ -96,8 +96,8 @@ impl FileKind {
         described.map_or("", |(_, name, ..)| name)
     }
 
-    /// The kind of a file that is there: by its first bytes, else by its name. None if nothing tells, or if
-    /// it is empty.
+    /// The kind of an existing file: by its first bytes, else by its name. `None` if neither is known, or
+    /// if the file is empty.
     fn of(path: &Path) -> Option<Self> {
         let mut head = Vec::new();
         // A file that cannot be read is judged by its name.
@@ -138,7 +138,7 @@ pub fn apart(one: Option<&Path>, other: Option<&Path>) -> Result<(), Failure> {
 /// The file at `path` as a result of `kind`, or standard output for `-`. Call it before the work.
 ///
 /// # Errors
-/// As of [`targets`].
+/// As [`targets`].
 pub fn target(
     path: &Path,
     kind: FileKind,
@@ -154,8 +154,8 @@ pub fn target(
 /// [`make_directory`] when there is something to write.
 ///
 /// # Errors
-/// A file is one of `inputs`, or no file, or of another kind; it is there and is not to be overwritten; or
-/// its directory is a file, or can neither be written to nor made.
+/// A file is one of `inputs`, is no regular file, is of another kind, or exists and must not be
+/// overwritten; or its directory is a file, or can neither be written to nor made.
 pub fn targets<N: AsRef<str>>(
     directory: &Path,
     files: impl IntoIterator<Item = (N, FileKind)>,
@@ -183,7 +183,7 @@ pub fn targets<N: AsRef<str>>(
 /// Makes the directory of [`targets`].
 ///
 /// # Errors
-/// It cannot be made.
+/// The directory cannot be made.
 pub fn make_directory(directory: &Path) -> Result<(), Failure> {
     let made = fs::create_dir_all(directory);
     Ok(made.with_context(|| format!("cannot make the directory {}; give another", directory.display()))?)

@@ -7,11 +7,11 @@ use std::time::{Duration, Instant};
 use crate::failure::Failure;
 use crate::output;
 
-/// Lines that wait while the reader of standard output pauses. Those beyond are left out.
+/// Lines that wait while the reader of standard output pauses. Further lines are left out.
 const WAITING: usize = 4096;
-/// At the end a paused reader gets this time.
+/// Time that a paused reader gets at the end.
 const PATIENCE: Duration = Duration::from_secs(1);
-/// Between two changes of the spinner's text.
+/// Least time between two changes of the spinner's text.
 const STATUS_EVERY: Duration = Duration::from_millis(100);
 
 #[derive(Debug)]
@@ -20,8 +20,8 @@ enum Said {
     Status(String),
 }
 
-/// Prints lines on a thread of its own, which alone touches the terminal: a paused terminal stops whoever
-/// does.
+/// Prints lines on a separate thread. Only that thread writes to the terminal, since a paused terminal
+/// blocks its writer.
 #[derive(Debug)]
 pub struct Printer {
     said: SyncSender<Said>,
@@ -56,7 +56,7 @@ impl Printer {
 
     /// Prints a line when the reader is ready for it.
     pub fn line(&mut self, line: String) {
-        // Where printing has failed, `finish` says why.
+        // If printing has failed, `finish` returns the reason.
         if let Err(TrySendError::Full(_)) = self.said.try_send(Said::Line(line)) {
             self.left_out += 1;
         }
@@ -66,12 +66,12 @@ impl Printer {
     pub fn status(&mut self, status: impl FnOnce() -> String) {
         if self.status.is_none_or(|last| last.elapsed() >= STATUS_EVERY) {
             self.status = Some(Instant::now());
-            // One that is left out is soon followed by the next.
+            // A text that is left out is soon followed by the next.
             let _ = self.said.try_send(Said::Status(status()));
         }
     }
 
-    /// Waits for what is still to be printed, if the reader goes on.
+    /// Waits for the remaining lines to be printed, if the reader continues.
     ///
     /// # Errors
     /// Standard output is closed or full.
@@ -91,7 +91,7 @@ impl Printer {
             );
         }
         if paused {
-            // It ends with the program.
+            // The thread ends with the program.
             return Ok(());
         }
         self.thread.join().expect("printing does not panic")

@@ -23,9 +23,9 @@ use crate::series::{CHANNELS, StrikeSeries, noises};
 use crate::settings;
 use crate::table::channel_name;
 
-/// Young's modulus where no scenario has one: it has no part in a ringing.
+/// Young's modulus where no scenario states one: a ringing does not depend on it.
 const NO_MODULUS: f64 = 1.0;
-/// Flags of samples that no model has.
+/// Flags of strikes whose samples no model describes.
 const SPOILED: Flags = Flags::FORCE_RAILED
     .with(Flags::ACCELERATION_RAILED)
     .with(Flags::WINDOW_CUT)
@@ -35,7 +35,7 @@ const SPOILED: Flags = Flags::FORCE_RAILED
     .with(Flags::SENSOR_STILL)
     .with(Flags::PLAYED);
 
-/// Identification that is asked for, of all beads of the recordings.
+/// Request to identify all beads of the recordings.
 #[derive(Debug, Clone)]
 pub struct Request<'a> {
     /// The data and their model.
@@ -48,7 +48,7 @@ pub struct Request<'a> {
     pub scenario: Option<&'a Scenario>,
     /// Place of the bead in the chain; by default its address, or the only bead with an intruder.
     pub place: Option<usize>,
-    /// Uncertainties of what is held; by default those of the settings.
+    /// Uncertainties of the held quantities; by default those of the settings.
     pub stated: Option<Uncertainty>,
     /// Quantities at which the fit begins; by default those of the settings.
     pub from: Option<Description>,
@@ -74,8 +74,8 @@ pub struct TakenStrike {
 /// A bead with those of its strikes that have signals.
 pub type BeadStrikes = GatheredBead<Vec<TakenStrike>>;
 
-/// Adds a strike of recording `recording` to those of its bead. One that is flagged as spoiled is left out
-/// unless `doubtful`.
+/// Adds a strike of recording `recording` to those of its bead. A strike that is flagged as spoiled is left
+/// out unless `doubtful`.
 pub fn take(bead: &mut BeadStrikes, recording: (usize, &str), strike: &RecordedStrike, doubtful: bool) {
     let (place, name) = recording;
     let number = strike.said.strike;
@@ -116,7 +116,7 @@ pub struct IdentifiedBead {
 /// A bead of which nothing can be identified.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum BeadError {
-    /// No strike has a part; with those that were left out.
+    /// No strike is usable.
     #[error("{}", nothing(*.address, .left_out))]
     NoStrike {
         /// Address of the bead.
@@ -136,7 +136,7 @@ fn nothing(address: u8, left_out: &[LeftOut]) -> String {
 /// Identifies one bead.
 ///
 /// # Errors
-/// No strike of it has a part, the scenario has no such bead, or the fit finds no end.
+/// No strike of the bead is usable, the scenario has no such bead, or the fit does not converge.
 pub fn identify_bead(request: &Request<'_>, bead: &BeadStrikes) -> Result<IdentifiedBead, BeadError> {
     let no_strike = |left_out: &[LeftOut]| BeadError::NoStrike {
         address: bead.address,
@@ -186,7 +186,7 @@ fn wanted(
     if free.is_empty() {
         free = request.method.usual();
     }
-    // The force has no part in a ringing.
+    // A ringing does not use the force.
     let of_ringing = request.method == Method::RingDown;
     let used = CHANNELS
         .into_iter()
@@ -238,7 +238,7 @@ fn made_of(
     })
 }
 
-/// The models of the strikes, and the strikes that have none.
+/// The models of the strikes, and the strikes without a model.
 fn candidates(
     request: &Request<'_>,
     bead: &BeadStrikes,

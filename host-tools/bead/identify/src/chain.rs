@@ -8,9 +8,9 @@ use crate::quantity::{Quantity, Values, ungained};
 
 /// Longest step of the integration, s.
 const LONGEST_STEP: f64 = 5e-6;
-/// Steps in the time of contact of the striker with the first bead, at least.
+/// Least number of steps while the striker touches the first bead.
 const STEPS_IN_CONTACT: f64 = 25.0;
-/// Beads that a message names.
+/// Most beads that a message names.
 const NAMED: usize = 10;
 /// Directions of the tangents: the striker's velocity, then those that all strikes share.
 pub(crate) const DIRECTIONS: usize = 8;
@@ -31,7 +31,7 @@ impl ChainOfScenario {
     /// The intruder in bead `bead` of a scenario.
     ///
     /// # Errors
-    /// There is none, there are several, or no run has tangents: one line.
+    /// The bead has no intruder or several, or no run has tangents: one line.
     pub fn new(scenario: &Scenario, bead: usize) -> Result<Self, String> {
         let tables = scenario.intruders.iter().enumerate();
         let held: Vec<usize> = tables
@@ -53,11 +53,11 @@ impl ChainOfScenario {
         }
     }
 
-    /// The intruder of a bead with this address: in bead `place`, else in the one whose number the address
-    /// is, else in the only host.
+    /// The intruder of a bead with this address: in bead `place`, else in the bead with the address as its
+    /// number, else in the only host.
     ///
     /// # Errors
-    /// Several beads have intruders and none of them is named, or as for [`Self::new`].
+    /// Several beads have intruders and none is named; or an error of [`Self::new`].
     pub fn of_bead(scenario: &Scenario, place: Option<usize>, address: u8) -> Result<Self, String> {
         let hosts = scenario.hosts();
         let named = hosts.iter().find(|host| **host == usize::from(address));
@@ -146,7 +146,7 @@ impl ChainOfScenario {
 
     /// The shared directions, and the striker's velocity as the first one.
     pub(crate) fn directions(&self) -> [Parameter; DIRECTIONS] {
-        // A table that is not there has tangents of 0.
+        // The tangents of a missing table are 0.
         let table = self.table.unwrap_or(usize::MAX);
         [
             Parameter::StrikerVelocity,
@@ -161,13 +161,12 @@ impl ChainOfScenario {
     }
 }
 
-/// A step that is short beside the fastest contact, that of the striker (docs/physics.md, two bodies alone),
-/// s.
+/// A step much shorter than the fastest contact, the striker's (docs/physics.md, two bodies alone), s.
 fn step_of(model: &hertz_chain::Model) -> f64 {
     let (striker, bead) = (model.mass(0), model.mass(1));
     let reduced = striker * bead / (striker + bead);
     let (stiffness, speed) = (model.contact(1).stiffness, model.striker_speed().abs());
     let contact = 3.218 * (reduced * reduced / (stiffness * stiffness * speed)).powf(0.2);
-    // A striker at rest has no time of contact.
+    // A striker at rest makes no contact.
     (contact / STEPS_IN_CONTACT).min(LONGEST_STEP)
 }

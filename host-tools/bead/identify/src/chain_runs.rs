@@ -1,12 +1,12 @@
-//! A chain's signals at any speed of the striker, from runs at speeds on a runs.
+//! A chain's signals at any speed of the striker, from runs at speeds on a grid.
 //!
 //! # Design
 //! Strikes of one chain differ in the striker's speed and in little else, so a thousand strikes need no
 //! thousand runs. The chain is simulated with its tangents at speeds V₀ exp(n H) for whole n, each when a
 //! strike first needs it. Between two of them a signal is Hermite's cubic in the logarithm of the speed,
-//! since the runs have its derivative; the other tangents are interpolated linearly. Signals are lined up at
-//! the arrival of the wave, which goes as V^(-1/5), before they are interpolated: else a pulse would be
-//! mixed with its own shifted copy.
+//! since the runs have its derivative; the other tangents are interpolated linearly. Signals are aligned at
+//! the arrival of the wave, which goes as V^(-1/5), before interpolation; otherwise a pulse would be mixed
+//! with its own shifted copy.
 
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
@@ -15,16 +15,16 @@ use hertz_chain::tangents::{Dual, Sensor, SignalTangents, tangents};
 use crate::chain::{ChainOfScenario, DIRECTIONS};
 use crate::quantity::Values;
 
-/// Distance of neighbouring speeds, of their logarithms.
+/// Difference of the logarithms of neighbouring speeds.
 const SPACING: f64 = 0.02;
-/// Time by which a run is longer than the first strike needs that asks for it, s.
+/// Time by which a run is longer than the first strike that uses it needs, s.
 const MARGIN: f64 = 0.2e-3;
-/// Values of the quantities whose runs are kept: those of a step that fits and of one that is tried.
+/// Number of sets of values whose runs are kept: those of the last good step and of the one being tried.
 const KEPT: usize = 2;
 
 type RunResult = Result<SignalTangents<DIRECTIONS>, String>;
 
-/// A run at a speed of the grid, made by whoever needs it first.
+/// A run at a speed of the grid, made when a strike first needs it.
 #[derive(Debug)]
 struct GridRun {
     sensors: Vec<Sensor>,
@@ -33,7 +33,7 @@ struct GridRun {
     run: OnceLock<RunResult>,
 }
 
-/// A chain with its runs at speeds on a grid, for the last values of the quantities that were asked for.
+/// A chain with its runs at speeds on a grid, for the values of the quantities that were used last.
 #[derive(Debug)]
 pub struct ChainRuns {
     pub(crate) chain: ChainOfScenario,
@@ -41,7 +41,7 @@ pub struct ChainRuns {
 }
 
 impl ChainRuns {
-    /// The chain without a run. Its strikes share it.
+    /// The chain without runs, to be shared by its strikes.
     pub fn new(chain: ChainOfScenario) -> Arc<Self> {
         let runs = Mutex::default();
         Arc::new(Self { chain, runs })
@@ -54,7 +54,7 @@ impl ChainRuns {
         (node, duration): (i32, f64),
     ) -> Result<Arc<GridRun>, String> {
         let run = {
-            // A thread that panicked left whole runs, or none.
+            // A thread that panicked cannot have left a partial run.
             let mut kept = self.runs.lock().unwrap_or_else(PoisonError::into_inner);
             let at = kept.iter().position(|(of, _)| of == values).unwrap_or_else(|| {
                 if kept.len() == KEPT {
@@ -90,7 +90,7 @@ impl ChainRuns {
         }
     }
 
-    /// The signal of a sensor at its highest with the striker as fast as in the scenario: time, s, and value.
+    /// The peak of a sensor's signal at the scenario's striker speed: time, s, and value.
     ///
     /// # Errors
     /// The chain cannot be simulated, as the end of a sentence.
@@ -107,8 +107,8 @@ impl ChainRuns {
         Ok((step as f64 * self.chain.step, value))
     }
 
-    /// The signals of `sensors` for `duration` s, of a striker whose speed has the logarithm `speed` beside
-    /// that of the scenario. `arrival` is when the wave comes at the scenario's speed, s.
+    /// The signals of `sensors` for `duration` s. `speed` is the logarithm of the striker's speed over that
+    /// of the scenario; `arrival` is the time of the wave at the scenario's speed, s.
     ///
     /// # Errors
     /// The chain cannot be simulated, as the end of a sentence.
@@ -119,7 +119,7 @@ impl ChainRuns {
         (speed, arrival, duration): (f64, f64, f64),
     ) -> Result<SpeedSignals, String> {
         let slower = (speed / SPACING).floor() as i32;
-        // Behind a slower striker the wave comes later than it does here.
+        // A slower striker's wave comes later than this one.
         let later = arrival * ((-0.2 * speed_of(slower)).exp() - (-0.2 * speed).exp());
         let at = |node: i32| self.run_at(values, sensors, (node, duration + later));
         Ok(SpeedSignals {
@@ -148,7 +148,7 @@ fn signals(run: &GridRun) -> &SignalTangents<DIRECTIONS> {
 #[derive(Debug)]
 pub(crate) struct SpeedSignals {
     runs: [Arc<GridRun>; 2],
-    /// Place between the two runs, from 0 to 1.
+    /// Position between the two runs, from 0 to 1.
     part: f64,
     speed: f64,
     arrival: f64,
@@ -157,15 +157,15 @@ pub(crate) struct SpeedSignals {
 }
 
 impl SpeedSignals {
-    /// The signal of a sensor (by its number) at a time, and its rate in time. Of its derivatives the first
-    /// is by the logarithm of the striker's speed.
+    /// The signal of a sensor (by its number) at a time, and its time derivative. The first tangent of the
+    /// signal is by the logarithm of the striker's speed.
     pub(crate) fn at(&self, sensor: usize, t: f64) -> (Dual<DIRECTIONS>, f64) {
         let arrival = |speed: f64| self.arrival * (-0.2 * speed).exp();
         let near = self.runs.each_ref().map(|run| {
             let speed = speed_of(run.node);
             let aligned = t + arrival(speed) - arrival(self.speed);
             let (signal, rate) = signals(run).at(sensor, aligned);
-            // Along the lined-up signals time goes with the speed too.
+            // In aligned signals the time also depends on the speed.
             let by_speed = signal.by[0] * self.velocity * speed.exp() - 0.2 * arrival(speed) * rate;
             (signal, rate, by_speed)
         });
@@ -192,8 +192,8 @@ mod tests {
 
     use super::*;
 
-    /// Between two speeds of the grid signals and tangents are those of a run (rms over the window), for the
-    /// paper's chain and for one with a wall, from which the wave comes back.
+    /// Between two speeds of the grid, signals and tangents agree with those of a run (rms over the window),
+    /// for the paper's chain and for one with a wall, which reflects the wave.
     #[test]
     fn signals_between_speeds_are_those_of_a_run() {
         let mut walled = Scenario::paper();

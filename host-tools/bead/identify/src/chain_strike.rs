@@ -26,16 +26,16 @@ pub struct ChainStrike {
     channels: ExplainedChannels,
     sensors: Vec<Sensor>,
     start: [f64; 2],
-    /// Time at which the wave comes at the scenario's speed, s.
+    /// Arrival of the wave at the scenario's speed, s.
     arrival: f64,
     greatest: f64,
 }
 
 impl ChainStrike {
-    /// The strike at the bead of a chain, which is struck as the scenario says, but for the velocity.
+    /// The strike at the bead of a chain that is struck as in the scenario, except for the velocity.
     ///
     /// # Errors
-    /// Why there is none, as the end of a sentence.
+    /// The strike is unusable: the reason, as the end of a sentence.
     pub fn new(
         runs: &Arc<ChainRuns>,
         strike: &StrikeSeries,
@@ -75,11 +75,11 @@ impl ChainStrike {
         one.begun(values, (at as f64, peak))
     }
 
-    /// A strike by signals at places of a chain, of which the first is a force, sampled from the same moment
-    /// on, as a bench has them or a figure shows them. Each has its samples and its noise.
+    /// A strike from signals at places of a chain, such as those of a bench or a figure, each with its
+    /// samples and its noise. All are sampled from the same moment; the first is a force.
     ///
     /// # Errors
-    /// Why it cannot be computed, as the end of a sentence.
+    /// The strike cannot be computed: the reason, as the end of a sentence.
     pub fn of_signals(
         runs: &Arc<ChainRuns>,
         rate: f64,
@@ -129,7 +129,7 @@ impl ChainStrike {
         one.begun(values, (at as f64, peak))
     }
 
-    /// Finds velocity and moment by the peak of the force: F ~ V^(6/5), t ~ V^(-1/5).
+    /// Finds velocity and moment from the peak of the force: F ~ V^(6/5), t ~ V^(-1/5).
     fn begun(mut self, values: &Values, (at, peak): (f64, f64)) -> Result<Self, String> {
         let (scenario, rate) = (&self.runs.chain.scenario, self.channels.rate);
         let duration = scenario.duration.min(self.length as f64 / rate);
@@ -171,7 +171,8 @@ impl StrikeModel for ChainStrike {
     fn evaluate(&self, values: &Values, own: &[f64], with_shared: bool) -> Result<Evaluation, String> {
         let (signals, rate) = (self.signals(values, own)?, self.channels.rate);
         let mut evaluation = Evaluation::new(own.len());
-        // The place of each shared direction, and the factor that makes its derivative that of a logarithm.
+        // The place of each shared direction, and the factor that turns its derivative into one by the
+        // logarithm.
         let of = |quantity: Quantity| (quantity.place(), values[quantity.place()]);
         let directions = [
             of(Quantity::Stiffness),
@@ -191,7 +192,7 @@ impl StrikeModel for ChainStrike {
             if !series.channel.is_force() {
                 gains.reverse();
             }
-            // The codes show the computed signal, divided by the gain.
+            // The samples are the computed signal divided by the gain.
             let [own_gain, other_gain] = gains;
             let gain = values[own_gain];
             let since = (at as f64 - own[1]) / rate + series.delay;

@@ -1,4 +1,4 @@
-//! Agreement of strikes and recordings with each other, and of the spring with a straight line.
+//! Agreement of strikes and recordings with each other, and of the spring with a linear one.
 
 use nalgebra::DVector;
 use schemars::JsonSchema;
@@ -11,14 +11,14 @@ use crate::normal::Normal;
 use crate::quantity::Quantity;
 use crate::spread::{Goodness, LEAST_PROBABILITY, covariance};
 
-/// Least part by which recordings must differ to be a doubt: the models are no better.
+/// Least relative difference of recordings that raises a doubt: the models are no more accurate.
 const LEAST_DIFFERENCE: f64 = 0.002;
-/// Standard errors of recordings that differ.
+/// Least difference of recordings that raises a doubt, in standard errors.
 const FAR: f64 = 4.0;
 /// Least part of the spring's force at its greatest stroke that is called hardening.
 const LEAST_HARDENING: f64 = 0.01;
 
-/// Least part of what the noise leaves unexplained that makes the spring its cause, and not its victim.
+/// Least part of the misfit beyond the noise that a cubic spring explains to count as its cause.
 const LEAST_EXPLAINED: f64 = 0.5;
 
 /// Something that speaks against a result: one line of what, why, and what next.
@@ -72,7 +72,7 @@ pub fn scatter(best: &Fit<'_>) -> f64 {
     if strikes < 2 || best.free.is_empty() {
         return 1.0;
     }
-    // Each strike alone would be best one step away from the common values.
+    // The best fit of each strike alone is one step away from the common values.
     let mut squares = 0.0;
     for strike in &best.strikes {
         let (information, right) = part(&strike.normal.shared, &best.free);
@@ -90,8 +90,8 @@ pub fn scatter(best: &Fit<'_>) -> f64 {
     }
 }
 
-/// The cubic stiffness that would fit best, by one step from the best fit of a linear spring. `None` if the
-/// data know nothing of it.
+/// The cubic stiffness that fits best, by one step from the best fit of a linear spring. `None` if the data
+/// do not determine it.
 pub fn hardening(best: &Fit<'_>, noise_free: f64) -> Option<Hardening> {
     let normal = &best.normal;
     let (information, _) = part(normal, &best.free);
@@ -137,7 +137,7 @@ pub fn hardening(best: &Fit<'_>, noise_free: f64) -> Option<Hardening> {
 /// Fits each recording alone.
 ///
 /// # Errors
-/// One finds no end.
+/// A fit does not converge.
 pub fn by_recording(
     best: &Fit<'_>,
     recording_of: &[usize],
@@ -159,7 +159,7 @@ pub fn by_recording(
         let Some(covariance) = covariance(&alone.normal, &best.free) else {
             continue;
         };
-        // A difference between recordings is no scatter of this one.
+        // The common scale includes differences between recordings, which are no scatter of this one.
         let own_scale = scatter(&alone).min(scale);
         all.push(RecordingValues {
             recording: names.get(recording).cloned().unwrap_or_default(),

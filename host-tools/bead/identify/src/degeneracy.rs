@@ -3,7 +3,7 @@
 //! # Design
 //! The eigenvalues of the information matrix, for logarithms of the quantities, are the squares of the
 //! singular values of the whitened Jacobian. The least one belongs to the combination that is known worst.
-//! While that is known worse than [`WORST`], one of its quantities is held: that which a balance or a
+//! While its standard error exceeds [`WORST`], one of its quantities is held: the one that a balance or a
 //! certificate knows best.
 
 use nalgebra::SymmetricEigen;
@@ -14,17 +14,17 @@ use crate::quantity::Quantity;
 
 /// Greatest standard error of a combination of quantities, as a part.
 pub const WORST: f64 = 0.1;
-/// Least part in a combination with which a quantity counts.
+/// Least part of a quantity in a combination for it to count.
 const COUNTS: f64 = 0.15;
 
-/// A quantity that is held because others do as well.
+/// A quantity that is held because the data cannot tell it from others.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Degenerate {
     /// The quantity that is held.
     pub held: Quantity,
-    /// All that cannot be told apart, the held one among them.
+    /// All quantities that cannot be told apart, including the held one.
     pub together: Vec<Quantity>,
-    /// Standard error of their combination, as a part; infinite if the data know nothing of it.
+    /// Standard error of their combination, as a part; infinite if the data do not determine it.
     pub error: f64,
 }
 

@@ -7,18 +7,18 @@ use crate::model::StrikeModel;
 use crate::normal::{Normal, SharedVector, StrikeNormal};
 use crate::quantity::{COUNT, Quantity, Values, moved};
 
-/// Most evaluations of all strikes in a fit.
+/// Greatest number of evaluations of all strikes in a fit.
 const MOST_STEPS: usize = 40;
 /// A fit has ended when a step would lower the sum of squares by less than this.
 const ENOUGH: f64 = 1e-3;
 /// Factor of the damping after a step that fits better.
 const SHRINK: f64 = 0.03;
-/// Damping that changes no variance.
+/// Damping too small to change a variance.
 const UNDAMPED: f64 = 1e-7;
 /// Greatest step of a quantity's logarithm.
 const LONGEST: f64 = 0.3;
 
-/// A strike and what it has of its own at the best fit.
+/// A strike and its own numbers at the best fit.
 pub struct FittedStrike<'a> {
     /// The strike.
     pub model: &'a dyn StrikeModel,
@@ -37,7 +37,7 @@ impl FittedStrike<'_> {
 
 /// The best fit.
 pub struct Fit<'a> {
-    /// Values of all quantities; those that were held have their start.
+    /// Values of all quantities; held ones keep their start values.
     pub values: Values,
     /// The quantities that were fitted.
     pub free: Vec<Quantity>,
@@ -48,14 +48,14 @@ pub struct Fit<'a> {
 }
 
 impl<'a> Fit<'a> {
-    /// The strikes with their own numbers, as another fit begins with them.
+    /// The strikes with their own numbers, as the start of another fit.
     pub(crate) fn starts(&self) -> Vec<StrikeStart<'a>> {
         let strikes = self.strikes.iter();
         strikes.map(|strike| (strike.model, strike.own.clone())).collect()
     }
 }
 
-/// Why a fit found nothing.
+/// A failed fit.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum FitError {
@@ -77,13 +77,13 @@ pub enum FitError {
     Singular,
 }
 
-/// A strike with its own numbers, as a fit begins with them.
+/// A strike with its own numbers at the start of a fit.
 pub type StrikeStart<'a> = (&'a dyn StrikeModel, Vec<f64>);
 
 /// The normal equations of strikes at these values.
 ///
 /// # Errors
-/// That of the first strike that cannot be computed.
+/// A strike cannot be computed; the error is that of the first.
 fn equations(
     strikes: &[StrikeStart<'_>],
     values: &Values,
@@ -145,10 +145,11 @@ fn step(normal: &Normal, free: &[Quantity], damping: f64) -> Option<SharedVector
     Some(step)
 }
 
-/// Fits the free quantities to all strikes, each with its own numbers from `own` on.
+/// Fits the free quantities to all strikes. Each strike's own numbers start at its value in `own`.
 ///
 /// # Errors
-/// A strike cannot be computed at the start, the quantities cannot be told apart, or no end is found.
+/// A strike cannot be computed at the start, the quantities cannot be told apart, or the fit does not
+/// converge.
 pub fn fit<'a>(strikes: &[StrikeStart<'a>], start: &Values, free: &[Quantity]) -> Result<Fit<'a>, FitError> {
     let (mut strikes, mut values) = (strikes.to_vec(), *start);
     let mut damping = 1e-4;

@@ -9,9 +9,9 @@ use crate::spread::{Goodness, MOST_PROFILED, combined, covariance, coverage_fact
 use nalgebra::DMatrix;
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 
-/// Times the median of χ²/ν at which a strike is left out as one that is unlike the others.
+/// Multiple of the median of χ²/ν beyond which a strike is left out as unlike the others.
 const UNLIKE: f64 = 30.0;
-/// Least strikes of which a median is taken.
+/// Least number of strikes for a median.
 const ENOUGH_FOR_MEDIAN: usize = 4;
 
 /// A strike with its place.
@@ -45,7 +45,7 @@ pub struct Identified<'a> {
     pub best: Fit<'a>,
     /// Places of its strikes among the candidates.
     pub used: Vec<usize>,
-    /// Candidates that have no part, with the reason as the end of a sentence.
+    /// Candidates that were left out, with the reason as the end of a sentence.
     pub left_out: Vec<(usize, String)>,
     /// Quantities that were wanted and cannot be told apart from others.
     pub degenerate: Vec<Degenerate>,
@@ -53,9 +53,9 @@ pub struct Identified<'a> {
     pub singular: Vec<f64>,
     /// Agreement of the residuals with the noise.
     pub goodness: Goodness,
-    /// Factor that is in all standard errors: 1 unless residuals or strikes scatter more than the noise.
+    /// Factor in all standard errors: 1 unless residuals or strikes scatter more than the noise.
     pub scale: f64,
-    /// Covariance of the logarithms of the fitted quantities, by the noise alone.
+    /// Covariance of the logarithms of the fitted quantities, by the noise only.
     pub unscaled: DMatrix<f64>,
     /// Covariance by the scatter: that by the noise, times the square of the scale.
     pub covariance: DMatrix<f64>,
@@ -76,7 +76,7 @@ pub struct Identified<'a> {
 /// Strikes that can be computed: places among the candidates, and each model with its own numbers.
 type Starts<'a> = (Vec<usize>, Vec<StrikeStart<'a>>);
 
-/// Fits own numbers alone, and leaves out what cannot be computed.
+/// Fits only the own numbers, and leaves out strikes that cannot be computed.
 fn begun<'a>(candidates: &'a [Candidate], start: &Values) -> (Starts<'a>, Vec<(usize, String)>) {
     let ((mut used, mut starts), mut left_out) = (Starts::default(), Vec::new());
     let own = |candidate: &Candidate| {
@@ -101,7 +101,7 @@ fn begun<'a>(candidates: &'a [Candidate], start: &Values) -> (Starts<'a>, Vec<(u
 /// Identifies a bead from its strikes.
 ///
 /// # Errors
-/// No strike can be computed, or the fit finds no end.
+/// No strike can be computed, or the fit does not converge.
 pub fn identify<'a>(candidates: &'a [Candidate], wanted: &Wanted) -> Result<Identified<'a>, FitError> {
     let ((mut used, mut starts), mut left_out) = begun(candidates, &wanted.start);
     if starts.is_empty() {
@@ -113,7 +113,7 @@ pub fn identify<'a>(candidates: &'a [Candidate], wanted: &Wanted) -> Result<Iden
     let (free, degenerate) = separable(&at_start, &wanted.free);
     let singular = singular_values(&at_start, &wanted.free);
     let mut best = fit(&starts, &wanted.start, &free)?;
-    // A strike that is unlike all others would pull them.
+    // A strike that is unlike all others would bias the fit.
     let unlike = unlike_others(&best);
     if !unlike.is_empty() {
         for (at, ratio) in unlike.iter().rev() {

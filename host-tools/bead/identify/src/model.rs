@@ -6,7 +6,7 @@ use crate::noise::Noise;
 use crate::quantity::{COUNT, Values};
 use crate::series::{Channel, Series, StrikeSeries};
 
-/// A place of the tangent of a spring that hardens, after those of the quantities: along k₃, N/m³.
+/// Place of the tangent along k₃, N/m³, of a spring that hardens: after those of the quantities.
 pub const HARDENING: usize = COUNT;
 /// Number of tangents that are common to all strikes.
 pub const SHARED: usize = COUNT + 1;
@@ -16,15 +16,15 @@ pub const SHARED: usize = COUNT + 1;
 pub struct Evaluation {
     /// Measured less computed.
     pub residuals: Vec<f64>,
-    /// Derivatives of the *computed* values with respect to the logarithm of each quantity, and along k₃; a
-    /// quantity that has no part is empty.
+    /// Derivatives of the *computed* values with respect to the logarithm of each quantity, and along k₃;
+    /// empty for a quantity without influence.
     pub shared: [Vec<f64>; SHARED],
-    /// Derivatives with respect to what this strike has of its own.
+    /// Derivatives with respect to this strike's own numbers.
     pub own: Vec<Vec<f64>>,
 }
 
 impl Evaluation {
-    /// One without a row, of a strike with this many own numbers.
+    /// An evaluation without rows, of a strike with this many own numbers.
     pub(crate) fn new(own: usize) -> Self {
         Self {
             residuals: Vec::new(),
@@ -33,15 +33,14 @@ impl Evaluation {
         }
     }
 
-    /// Adds to some own numbers the derivatives of a row that depends on one of them alone, in a straight
-    /// line.
+    /// Adds the derivatives by `numbers` of a row that depends only on number `one`, with slope 1.
     pub(crate) fn push_unit(&mut self, numbers: Range<usize>, one: usize) {
         for number in numbers {
             self.own[number].push(f64::from(u8::from(number == one)));
         }
     }
 
-    /// The residuals and all derivatives that are there.
+    /// The residuals and all derivatives that are not empty.
     pub(crate) fn columns(&mut self) -> impl Iterator<Item = &mut Vec<f64>> {
         let derivatives = self.shared.iter_mut().chain(&mut self.own);
         let columns = std::iter::once(&mut self.residuals).chain(derivatives);
@@ -60,10 +59,10 @@ pub struct ExplainedChannels {
 }
 
 impl ExplainedChannels {
-    /// Those of the `wanted` channels that the strike has.
+    /// The `wanted` channels, as far as the strike has them.
     ///
     /// # Errors
-    /// The noise of one is not known, as the end of a sentence.
+    /// The noise of a channel is unknown: the reason, as the end of a sentence.
     pub(crate) fn of(
         strike: &StrikeSeries,
         noises: &[Option<Noise>; 4],
@@ -93,7 +92,7 @@ impl ExplainedChannels {
         [start, &vec![0.0; self.series.len()]].concat()
     }
 
-    /// Whitens the rows of the samples, stretch by stretch, and returns those behind them.
+    /// Whitens the rows of the samples, stretch by stretch, and returns the rows after them.
     pub(crate) fn whiten<'c>(&self, mut column: &'c mut [f64]) -> &'c mut [f64] {
         for (series, noise) in &self.series {
             for stretch in &series.stretches {
@@ -106,8 +105,8 @@ impl ExplainedChannels {
     }
 }
 
-/// A strike whose signals can be computed from the quantities and what it has of its own: its speed, its
-/// moment, its zeros.
+/// A strike whose signals can be computed from the quantities and its own numbers: its speed, its moment,
+/// its zeros.
 pub trait StrikeModel: Sync {
     /// The channels whose samples it computes.
     fn channels(&self) -> &ExplainedChannels;
@@ -115,11 +114,11 @@ pub trait StrikeModel: Sync {
     /// The strike's own numbers at the start of a fit.
     fn own(&self) -> Vec<f64>;
 
-    /// Computes residuals and derivatives; those of the shared directions may be left out, and are empty
-    /// then.
+    /// Computes residuals and derivatives. Without `with_shared`, derivatives along the shared directions
+    /// may be empty.
     ///
     /// # Errors
-    /// Why it has none at these values, as the end of a sentence.
+    /// The strike cannot be computed at these values: the reason, as the end of a sentence.
     fn evaluate(&self, values: &Values, own: &[f64], with_shared: bool) -> Result<Evaluation, String>;
 
     /// Makes the noise of a column of an evaluation white, of variance 1.
@@ -127,10 +126,10 @@ pub trait StrikeModel: Sync {
         self.channels().whiten(column);
     }
 
-    /// Stroke of the intruder at its greatest, m.
+    /// Greatest stroke of the intruder, m.
     fn stroke(&self, values: &Values, own: &[f64]) -> f64;
 
-    /// The samples that have a part, measured and computed, channel by channel.
+    /// The samples used, measured and computed, channel by channel.
     ///
     /// # Errors
     /// As of [`StrikeModel::evaluate`].

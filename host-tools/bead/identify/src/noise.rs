@@ -2,15 +2,15 @@
 //!
 //! # Design
 //! The quiet codes before a trigger are few, so the noise is described by few numbers: its variance and up to
-//! [`MOST_LAGS`] coefficients, of which Schwarz's criterion takes as many as pay (Box and Jenkins, *Time
-//! Series Analysis*, 3.2). The autocovariances of all quiet stretches of a channel are pooled. Levinson's
-//! recursion gives predictors of every shorter order too, so the first samples of a stretch are whitened as
-//! well as the others, and nothing is lost.
+//! [`MOST_LAGS`] coefficients, as many as Schwarz's criterion justifies (Box and Jenkins, *Time Series
+//! Analysis*, 3.2). The autocovariances of all quiet stretches of a channel are pooled. Levinson's recursion
+//! gives predictors of every shorter order too, so the first samples of a stretch are whitened as well as
+//! the others, and nothing is lost.
 //!
-//! Rounding to codes is noise of variance 1/12 while a signal moves. In the quiet it depends on where the
-//! zero lies between two codes, if the noise is less than a code: codes may even stand still. So the variance
-//! before rounding is found, which gives the variance of the codes at their means, and that of a moving
-//! signal's rounding is added.
+//! Rounding to codes is noise of variance 1/12 while a signal moves. In the quiet, with noise below a code,
+//! that variance depends on where the zero is between two codes: codes may even stand still. So the fit
+//! finds the variance before rounding that explains the variance of the codes at their means, and adds the
+//! rounding of a moving signal.
 
 use statrs::function::erf::erfc;
 
@@ -19,7 +19,7 @@ pub const MOST_LAGS: usize = 4;
 
 /// Classes of the distance of a mean from the nearest code.
 const OFFSETS: usize = 25;
-/// Noise in codes above which rounding is the same wherever the zero lies.
+/// Noise in codes above which rounding does not depend on the zero.
 const MUCH: f64 = 1.0;
 
 /// Autocovariances of quiet stretches.
@@ -28,14 +28,14 @@ pub struct QuietSums {
     /// Sum of products at each lag, and their number.
     products: [f64; MOST_LAGS + 1],
     counts: [f64; MOST_LAGS + 1],
-    /// Samples less one for each mean.
+    /// Number of samples, less one for each mean.
     free: f64,
     /// Samples by the distance of their stretch's mean from the nearest code: from 0 to half a code.
     offsets: [f64; OFFSETS],
 }
 
 impl QuietSums {
-    /// Adds a stretch of quiet samples, of which one code is `step`; one shorter than two samples per lag
+    /// Adds a stretch of quiet samples with codes of size `step`. A stretch of at most two samples per lag
     /// adds nothing.
     pub fn add(&mut self, quiet: &[f64], step: f64) {
         if quiet.len() <= 2 * MOST_LAGS {
@@ -58,7 +58,7 @@ impl QuietSums {
         }
     }
 
-    /// Adds what another has.
+    /// Adds the sums of another.
     pub fn merge(&mut self, other: &Self) {
         for lag in 0..=MOST_LAGS {
             self.products[lag] += other.products[lag];
@@ -70,7 +70,7 @@ impl QuietSums {
         }
     }
 
-    /// Variance of a moving signal's codes, where quiet ones have this variance; both in squares of a code.
+    /// Variance of a moving signal's codes, given that of quiet ones; both in squares of a code.
     fn while_moving(&self, quiet: f64) -> f64 {
         const ROUNDING: f64 = 1.0 / 12.0;
         if quiet > MUCH * MUCH {
@@ -100,14 +100,14 @@ impl QuietSums {
         low * low + ROUNDING
     }
 
-    /// The autoregression. `step` is that of the converter, in the unit of the samples: noise is not taken
-    /// for less than its rounding, step²/12. `None` without quiet samples.
+    /// The autoregression. `step` is one code in the unit of the samples: the variance is at least that of
+    /// rounding, step²/12. `None` without quiet samples.
     pub fn fit(&self, step: f64) -> Option<Noise> {
         let count = self.counts[0];
         if count < 2.0 {
             return None;
         }
-        // A mean that the samples themselves gave takes about variance/n off each lag.
+        // A mean estimated from the same samples lowers each lag by about variance/n.
         let bias = self.products[0] / self.free / count * (count - self.free);
         let mut covariance = [0.0; MOST_LAGS + 1];
         for ((covariance, products), counts) in covariance.iter_mut().zip(self.products).zip(self.counts) {
@@ -171,7 +171,7 @@ fn rounded(mean: f64, deviation: f64) -> f64 {
         }
         (first, second)
     };
-    // The noise is centred where the mean of its codes is the mean.
+    // Find the centre of the noise for which the mean of its codes is `mean`.
     let (mut low, mut high) = (mean - 0.5, mean + 0.5);
     for _ in 0..30 {
         let middle = 0.5 * (low + high);
@@ -188,10 +188,10 @@ fn rounded(mean: f64, deviation: f64) -> f64 {
 /// An autoregression of noise.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Noise {
-    /// Coefficients of the best predictor of each order, from 0 lags on: that of the sample before comes
-    /// first.
+    /// Coefficients of the best predictor of each order, from 0 lags. The coefficient of the preceding
+    /// sample comes first.
     predictors: Vec<Vec<f64>>,
-    /// Variance of what each of them leaves.
+    /// Variance that each predictor leaves.
     variances: Vec<f64>,
     /// Degrees of freedom of the variance.
     free: f64,
@@ -277,7 +277,7 @@ mod tests {
             (first - 0.6).abs() < 0.05 && (second + 0.3).abs() < 0.05,
             "{coloured:?}"
         );
-        // Behind the filter neighbours have nothing in common: of 20 000 samples within 4/√20 000.
+        // After the filter, neighbours are uncorrelated: within 4/√20 000 for 20 000 samples.
         let mut samples = noises(20_000, 99)[1].clone();
         coloured.whiten(&mut samples);
         let products = |lag: usize| {

@@ -1,10 +1,10 @@
-//! Normal equations of strikes, with what each strike has of its own eliminated.
+//! Normal equations of strikes, with each strike's own numbers eliminated.
 //!
 //! # Design
 //! All strikes share the quantities, and each has some numbers of its own, so the normal equations are an
-//! arrow. The own numbers are taken out strike by strike (a Schur complement), which leaves a matrix of the
-//! size of the shared ones however many strikes there are: a thousand strikes have no matrix of two thousand
-//! columns.
+//! arrow. The own numbers are eliminated strike by strike (a Schur complement), which leaves a matrix of the
+//! size of the shared ones, however many strikes there are: a thousand strikes need no matrix of two
+//! thousand columns.
 
 use nalgebra::{DMatrix, DVector, SMatrix, SVector};
 
@@ -21,7 +21,7 @@ pub type SharedVector = SVector<f64, SHARED>;
 pub struct Normal {
     /// Information of the shared directions.
     pub information: SharedMatrix,
-    /// Its right side: information times the step that fits best.
+    /// Right side: information times the step that fits best.
     pub right: SharedVector,
     /// Sum of squared residuals.
     pub squares: f64,
@@ -53,7 +53,7 @@ pub struct StrikeNormal {
 
 impl StrikeNormal {
     /// The equations of a whitened evaluation; `damping` (Marquardt's λ) applies to its own numbers. `None`
-    /// if these cannot be told apart.
+    /// if the own numbers cannot be told apart.
     pub fn new(evaluation: &Evaluation, damping: f64) -> Option<Self> {
         let residuals = &evaluation.residuals;
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
@@ -95,14 +95,14 @@ impl StrikeNormal {
         step.iter().copied().collect()
     }
 
-    /// Variance of an own number: by its own data, and by that of the shared quantities.
+    /// Variance of an own number, from the strike's data and from the variance of the shared quantities.
     pub fn own_variance(&self, number: usize, free: &[Quantity], covariance: &DMatrix<f64>) -> f64 {
         let carried = self.own_inverse.row(number) * &self.mixed;
         let slopes = DVector::from_fn(free.len(), |at, _| carried[free[at].place()]);
         self.own_inverse[(number, number)] + (slopes.transpose() * covariance * &slopes)[0]
     }
 
-    /// Sum of squares after the best step of the own numbers alone, if the model were linear.
+    /// Sum of squares after the best step of only the own numbers, if the model were linear.
     pub fn squares_without_own(&self) -> f64 {
         self.shared.squares - (self.own_right.transpose() * &self.own_inverse * &self.own_right)[0]
     }

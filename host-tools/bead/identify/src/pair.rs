@@ -3,10 +3,10 @@
 //! # Design
 //! Host and intruder are a linear system, so the acceleration is the convolution of the force with the
 //! response to one sample of it, which is computed with its derivatives ([`hertz_chain::tangents`]). The
-//! force is measured with noise. So the errors of its samples are unknowns of the strike, each with the
-//! noise's distribution (errors in variables): they go the same way as the strike's other own numbers. Force
-//! and acceleration have one low-pass each. In a linear system a filter may as well be behind as in front, so
-//! equal ones drop out; of unlike ones the difference of their delays counts.
+//! force is measured with noise, so the errors of its samples are unknowns of the strike, each with the
+//! noise's distribution (errors in variables), and are eliminated like the strike's other own numbers. Force
+//! and acceleration have one low-pass each. In a linear system the order of filters does not matter, so
+//! equal ones drop out; of unlike ones, the difference of their delays remains.
 
 use std::f64::consts::TAU;
 
@@ -22,13 +22,13 @@ use crate::series::{Series, StrikeSeries};
 const STEP: f64 = 2.5e-6;
 /// Standard deviations of the force's noise above which it acts.
 const FORCE_ACTS: f64 = 5.0;
-/// Samples of the force before and after it acts that count.
+/// Samples of the force that count before and after it acts.
 const AROUND: usize = 8;
 /// Most samples of a tap.
 const LONGEST: usize = 256;
 /// Least peaks, in standard deviations of the noise.
 const LEAST_PEAK: f64 = 20.0;
-/// Samples by which the response to a sample begins before it: those of the cubic between samples.
+/// Samples by which the response begins before its sample, from the cubic between samples.
 const BEFORE: usize = 2;
 /// Directions of the response.
 const DIRECTIONS: usize = 4;
@@ -43,7 +43,7 @@ pub struct Tap {
     from: usize,
     force: Vec<f64>,
     force_noise: Noise,
-    /// Channels of the acceleration, and the time by which each is later than the force, s.
+    /// Channels of the acceleration, and the delay of each behind the force, s.
     channels: ExplainedChannels,
     later: Vec<f64>,
 }
@@ -52,7 +52,7 @@ impl Tap {
     /// The tap of a strike.
     ///
     /// # Errors
-    /// Why there is none, as the end of a sentence.
+    /// The strike is no usable tap: the reason, as the end of a sentence.
     pub fn new(strike: &StrikeSeries, noises: &[Option<Noise>; 4]) -> Result<Self, String> {
         let of_force = strike.force()?;
         let force_noise = of_force.noise(noises)?;
@@ -143,7 +143,7 @@ impl Tap {
         let mut run =
             tangents::<DIRECTIONS>(&scenario, &parameters, &[sensor], Some(&push), (duration, STEP))
                 .map_err(|error| error.to_string())?;
-        // By the logarithms; a part of M in front of the crystal is not of the density.
+        // Derivatives by the logarithms. The part of M in front of the crystal does not follow the density.
         let bead = of(Quantity::BeadMass);
         run.scale([
             oscillator.stiffness,
@@ -154,7 +154,7 @@ impl Tap {
         Ok(run)
     }
 
-    /// The response at whole numbers of samples after a sample of force, from -[`BEFORE`] on.
+    /// The response at whole numbers of samples after a sample of force, from -[`BEFORE`].
     fn table(&self, run: &SignalTangents<DIRECTIONS>, later: f64) -> Vec<Dual<DIRECTIONS>> {
         let count = self.length - self.from + BEFORE;
         (0..count)

@@ -8,7 +8,7 @@ use crate::model::{SignalSample, StrikeModel};
 /// Times after the trigger that are shown, ms.
 const SHOWN: [f64; 2] = [-0.4, 5.2];
 
-/// Time without samples over which no line is drawn, s.
+/// Least time without samples that breaks the line, s.
 const GAP: f64 = 1e-4;
 
 fn curve(name: &str, ink: Ink, mark: Mark, points: &[SignalSample], of: fn(&SignalSample) -> f64) -> Series {
@@ -37,11 +37,11 @@ fn panels(label: &str, points: &[SignalSample]) -> [Panel; 2] {
     ]
 }
 
-/// The samples of the acceleration, ascending in time. A channel's quiet start is seen without another's.
+/// The samples of the acceleration, ascending in time, from the last gap.
 fn acceleration(mut samples: Vec<SignalSample>) -> Vec<SignalSample> {
     samples.retain(|sample| !sample.channel.is_force());
     samples.sort_by(|a, b| a.time.total_cmp(&b.time));
-    // Before a ringing there is only the quiet: no line leads from there.
+    // Before a ringing there is only the quiet; no line is drawn from it.
     let gap = samples
         .windows(2)
         .rposition(|pair| pair[1].time - pair[0].time > GAP);

@@ -3,7 +3,7 @@
 //! # Design
 //! With s = -β + iω the acceleration is Re (C exp st), where β = c/2μ, β² + ω² = k/μ, and μ = m (M - m)/M in
 //! a host that flies freely or m in one that is held. Each channel shows it behind its low-pass and later by
-//! its delay: a factor exp(s δ)/(1 + s/ω_p). C and the zeros are the strike's own. Gains drop out.
+//! its delay: a factor exp(s δ)/(1 + s/ω_p). C and the zeros are the strike's own numbers. Gains cancel.
 
 use hertz_chain::Complex64;
 use nalgebra::{Matrix2, Vector2};
@@ -15,19 +15,19 @@ use crate::series::StrikeSeries;
 
 /// Standard deviations of the force's noise above which it acts.
 const FORCE_ACTS: f64 = 5.0;
-/// Samples that are left out after the force has gone: the filters' and the taps' ends.
+/// Samples left out after the force has ended: the tails of filters and taps.
 const SETTLE: usize = 10;
 /// Least amplitude at the start of the ringing, in standard deviations of the noise.
 const LEAST_AMPLITUDE: f64 = 10.0;
-/// Least part of a period that the ringing must last above the noise.
+/// Least time that the ringing lasts above the noise, in periods.
 const LEAST_PERIODS: f64 = 1.5;
 
 /// Support of the host while its intruder rings.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Mounting {
-    /// Nothing touches it: hung on threads, or on foam.
+    /// Nothing touches the host: it hangs on threads or rests on foam.
     Free,
-    /// It does not move.
+    /// The host does not move.
     Held,
 }
 
@@ -35,7 +35,7 @@ pub enum Mounting {
 #[derive(Debug)]
 pub struct RingDown {
     mounting: Mounting,
-    /// The sample with which the ringing begins.
+    /// The first sample of the ringing.
     from: usize,
     /// Quiet start and ringing of each channel of the acceleration.
     channels: ExplainedChannels,
@@ -50,7 +50,7 @@ impl RingDown {
     /// The ringing after a tap.
     ///
     /// # Errors
-    /// Why there is none, as the end of a sentence.
+    /// The strike has no usable ringing: the reason, as the end of a sentence.
     pub fn new(
         strike: &StrikeSeries,
         noises: &[Option<Noise>; 4],
@@ -104,7 +104,7 @@ impl RingDown {
         Ok(ring)
     }
 
-    /// C by linear least squares for this decay, without regard to filters.
+    /// C by linear least squares for this decay, ignoring filters.
     fn guess(&self, used: &[(usize, f64)], [beta, omega]: [f64; 2]) -> [f64; 2] {
         let (mut square, mut right) = (Matrix2::zeros(), Vector2::zeros());
         for (at, value) in used {
@@ -123,8 +123,7 @@ impl RingDown {
     }
 }
 
-/// The longest stretch after the peak of the force in which none acts: first sample, and the one after the
-/// last.
+/// The longest stretch without force after its peak: first sample, and the one after the last.
 fn longest_quiet(strike: &StrikeSeries, limit: f64) -> Result<(usize, usize), String> {
     let force = strike.merged(true);
     let peak = force
@@ -203,7 +202,7 @@ impl StrikeModel for RingDown {
         let (s, scale) = (Complex64::new(-beta, omega), Complex64::new(own[0], own[1]));
         let [zero, one] = [0.0, 1.0].map(|real| Complex64::new(real, 0.0));
         let mut evaluation = Evaluation::new(own.len());
-        // Of a spring k x + k₃ x³ the frequency rises by (3/8) k₃ X²/(μ ω), as X falls with the ringing.
+        // A spring k x + k₃ x³ raises the frequency by (3/8) k₃ X²/(μ ω); the amplitude X decays.
         let stroke = self.stroke(values, own);
         let reduced = reduced_mass(values, self.mounting);
         let hardening = 0.375 * stroke * stroke / (reduced * omega);
@@ -225,7 +224,7 @@ impl StrikeModel for RingDown {
             let wave = if rings { filter * (s * since).exp() } else { zero };
             let value = scale * wave;
             evaluation.residuals.push(measured - value.re - own[2 + place]);
-            // d/ds of the wave: its time, and the filter's.
+            // d/ds of the wave: the time, and the slope of the filter.
             let slope = value * (Complex64::new(since, 0.0) + by_s);
             for (column, [by_beta, by_omega]) in evaluation.shared.iter_mut().zip(slopes) {
                 column.push(-slope.re * by_beta - slope.im * by_omega);
@@ -237,7 +236,7 @@ impl StrikeModel for RingDown {
             }
             evaluation.push_unit(2..own.len(), 2 + place);
         }
-        // A gain is in C, and the contacts have no part.
+        // C includes the gain, and the contacts have no influence.
         for absent in [
             Quantity::Young,
             Quantity::Relaxation,

@@ -1,9 +1,9 @@
 //! The samples of a strike, channel by channel, as they were converted.
 //!
 //! # Design
-//! The front end's filter and delays stay in the samples, and the models have them: taking them out colours
-//! the noise. Each sample is that of the sensitive channel, or of the wide one while the sensitive one is
-//! near a rail; both keep their quiet start, which knows their zeros.
+//! The front end's filter and delays stay in the samples and are part of the models: taking them out would
+//! colour the noise. Each sample is that of the sensitive channel, or of the wide one while the sensitive
+//! one is near a rail; both keep their quiet start, which determines their zeros.
 
 use std::ops::Range;
 
@@ -14,7 +14,7 @@ use bead_recording::strikes::{RecordedStrike, ScanCodes};
 
 use crate::noise::{Noise, QuietSums};
 
-/// Codes closer than this to a rail are not used: as the bead's own choice of the channel.
+/// Codes closer than this to a rail are not used, as in the bead's own choice of channel.
 const MARGIN: u16 = 64;
 /// Codes of the converter.
 const CODES: u16 = 4096;
@@ -80,14 +80,14 @@ fn is_inside(code: u16) -> bool {
 /// A gapless stretch of samples.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Stretch {
-    /// Sample of the window of the first.
+    /// Index of the first sample in the window.
     pub from: usize,
     /// Values, N or m/s², relative to the mean of the quiet start.
     pub values: Vec<f64>,
 }
 
 impl Stretch {
-    /// The part of it in a range of samples of the window; `None` if there is none.
+    /// The part in a range of samples of the window; `None` if empty.
     pub(crate) fn within(&self, range: Range<usize>) -> Option<Self> {
         let from = range.start.max(self.from);
         let to = range.end.min(self.from + self.values.len());
@@ -105,7 +105,7 @@ pub struct Series {
     pub channel: Channel,
     /// Pole of its filter, Hz; 0 for none.
     pub pole: f64,
-    /// Time by which its samples are later than those of the first channel, s.
+    /// Delay of its samples behind those of the first channel, s.
     pub delay: f64,
     /// One code, N or m/s².
     pub step: f64,
@@ -143,7 +143,7 @@ pub struct StrikeSeries {
     pub length: usize,
     /// The sample that triggered.
     pub trigger: usize,
-    /// Samples at the start that are quiet.
+    /// Number of quiet samples at the start.
     pub quiet: usize,
     /// The series of the channels that were used.
     pub series: Vec<Series>,
@@ -155,7 +155,7 @@ impl StrikeSeries {
     /// The series of a strike.
     ///
     /// # Errors
-    /// Why the strike has none, as the end of a sentence.
+    /// The strike has no usable samples: the reason, as the end of a sentence.
     pub fn of(strike: &RecordedStrike) -> Result<Self, String> {
         let said = &strike.said;
         if strike.missing() > 0 {
@@ -192,7 +192,7 @@ impl StrikeSeries {
         })
     }
 
-    /// The force at the higher gain that there is.
+    /// The force at the highest gain available.
     pub(crate) fn force(&self) -> Result<&Series, String> {
         let force = self.series.iter().find(|series| series.channel.is_force());
         force.ok_or_else(|| "it has no force".to_owned())
@@ -213,14 +213,14 @@ impl StrikeSeries {
                 })
             })
             .collect();
-        // At the quiet start both channels have samples: the sensitive one's come first.
+        // Both channels have samples of the quiet start; those of the sensitive one come first.
         merged.sort_by_key(|(at, _, wide)| (*at, *wide));
         merged.dedup_by_key(|(at, ..)| *at);
         merged.into_iter().map(|(at, value, _)| (at, value)).collect()
     }
 }
 
-/// The noise of each channel over the quiet of all strikes; `None` for a channel that none uses.
+/// The noise of each channel over the quiet of all strikes; `None` for an unused channel.
 pub fn noises<'a>(strikes: impl IntoIterator<Item = &'a StrikeSeries>) -> [Option<Noise>; 4] {
     let mut sums: [QuietSums; 4] = Default::default();
     let mut steps = [None; 4];

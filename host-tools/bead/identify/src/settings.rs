@@ -1,4 +1,4 @@
-//! Settings of a bead as they were identified.
+//! Identified values as settings of a bead.
 
 use bead_model::design::{Description, Relative, Uncertainty};
 
@@ -11,7 +11,7 @@ const RANGE: std::ops::RangeInclusive<f64> = 1e-6..=0.5;
 /// Correlations are below this, so that rounding leaves them possible.
 const MOST_CORRELATED: f64 = 0.9999;
 
-/// The settings in force with what was identified in place of theirs. `chain` is that of the strikes, if the
+/// The settings in force, with the identified values replaced. `chain` is the chain of the strikes, if the
 /// contacts were fitted.
 ///
 /// # Errors
@@ -38,7 +38,8 @@ pub fn identified(
                     after.contact.stiffness = chain.contact(values)?.stiffness;
                 }
             }
-            // A contact with an unlike bead behind has another time than the chain's material.
+            // The relaxation time of a contact with an unlike bead differs from that of the chain's
+            // material.
             Quantity::Relaxation => {
                 let time = |chain: &ChainOfScenario| Ok::<_, String>(chain.contact(values)?.relaxation);
                 after.contact.relaxation = chain.map_or(Ok(value(quantity)), time)?;
@@ -89,7 +90,7 @@ fn uncertainty_of(stated: &mut Uncertainty, quantity: Quantity) -> &mut Option<R
     }
 }
 
-/// Relative standard uncertainties that settings state of the quantities.
+/// Relative standard uncertainties of the quantities that settings state.
 pub fn stated(uncertainty: Option<&Uncertainty>) -> [Option<f64>; COUNT] {
     let Some(uncertainty) = uncertainty else {
         return [None; COUNT];
@@ -98,7 +99,7 @@ pub fn stated(uncertainty: Option<&Uncertainty>) -> [Option<f64>; COUNT] {
     QUANTITIES.map(|quantity| uncertainty_of(&mut stated, quantity).map(Relative::part))
 }
 
-/// The values that settings have, with gains of 1. They have no modulus: `young` stands in for it.
+/// The values in settings, with gains of 1. Settings have no modulus; `young` replaces it.
 pub fn values(description: &Description, young: f64) -> Values {
     let (intruder, bead) = (&description.intruder, &description.bead);
     let springs = [intruder.stiffness, intruder.damping, intruder.mass];

@@ -8,13 +8,13 @@ use crate::fit::{Fit, fit, part};
 use crate::normal::Normal;
 use crate::quantity::{COUNT, QUANTITIES, Quantity};
 
-/// Least probability of residuals of a model that fits.
+/// Least probability of the residuals for a model to fit.
 pub const LEAST_PROBABILITY: f64 = 0.01;
 /// Coverage of intervals.
 const COVERAGE: f64 = 0.95;
-/// Standard uncertainty of the bead's clock, as a part: of a rectangular distribution.
+/// Standard uncertainty of the bead's clock, as a part, from a rectangular distribution.
 const CLOCK_U: f64 = QUARTZ * 0.577_350_269_189_625_8;
-/// Most strikes of a profile. With more, standard errors are so small that the fit is linear over them.
+/// Greatest number of strikes for a profile. With more, the fit is linear over the small standard errors.
 pub const MOST_PROFILED: usize = 8;
 
 /// Agreement of the residuals with the noise.
@@ -33,7 +33,7 @@ impl Goodness {
     pub fn of(normal: &Normal, fitted: usize, noise_free: f64) -> Self {
         let free = (normal.free - fitted as f64).max(1.0);
         let ratio = normal.squares / free;
-        // Noise that is known exactly has the chi-squared distribution as this limit.
+        // For exactly known noise the distribution tends to chi-squared.
         let distribution = FisherSnedecor::new(free, noise_free.clamp(1.0, 1e7));
         let probability = distribution.map_or(0.0, |distribution| distribution.sf(ratio));
         Self {
@@ -70,7 +70,7 @@ pub fn covariance(normal: &Normal, free: &[Quantity]) -> Option<DMatrix<f64>> {
     Some(information.cholesky()?.inverse())
 }
 
-/// Change of the logarithm of each free quantity with that of a held one; `covariance` is that by the noise.
+/// Change of the logarithm of each free quantity with that of a held one. `covariance` is by the noise.
 fn by_held(normal: &Normal, free: &[Quantity], covariance: &DMatrix<f64>, held: Quantity) -> DVector<f64> {
     let mixed = DVector::from_fn(free.len(), |at, _| {
         normal.information[(free[at].place(), held.place())]
@@ -101,7 +101,8 @@ pub fn combined(
         let by = by_held(normal, free, unscaled, quantity);
         for (at, one) in free.iter().enumerate() {
             slopes[one.place()] = by[at];
-            // A held value does not go with the clock, and so lies beside the one that the samples have.
+            // A held value does not scale with the clock, so it deviates from the value that fits the
+            // samples.
             of_clock[one.place()] -= by[at] * quantity.by_clock();
         }
         let part = held[quantity.place()].unwrap_or(0.0);
@@ -110,8 +111,8 @@ pub fn combined(
     all + &of_clock * of_clock.transpose() * (CLOCK_U * CLOCK_U)
 }
 
-/// Ends of the profile interval of a quantity: where the sum of squares, with all else fitted anew, is
-/// greater by `rise`. `None` where a fit finds no end.
+/// Ends of the profile interval of a quantity: where the sum of squares, with all else refitted, is greater
+/// by `rise`. `None` if a fit does not converge.
 pub fn profile(best: &Fit<'_>, of: Quantity, covariance: &DMatrix<f64>, rise: f64) -> Option<[f64; 2]> {
     let place = best.free.iter().position(|one| *one == of)?;
     let error = covariance[(place, place)].sqrt();
@@ -120,7 +121,7 @@ pub fn profile(best: &Fit<'_>, of: Quantity, covariance: &DMatrix<f64>, rise: f6
     let risen = |log: f64| -> Option<f64> {
         let mut values = best.values;
         for (at, one) in best.free.iter().enumerate() {
-            // The others along the line of least squares.
+            // Start the others on the line of least squares.
             values[one.place()] *= (log * covariance[(at, place)] / covariance[(place, place)]).exp();
         }
         let there = fit(&strikes, &values, &others).ok()?;
@@ -148,7 +149,7 @@ pub fn profile(best: &Fit<'_>, of: Quantity, covariance: &DMatrix<f64>, rise: f6
 mod tests {
     use super::*;
 
-    /// The data know k/m, as a ringing does.
+    /// The data determine k/m, as a ringing does.
     #[test]
     fn a_clock_moves_what_is_fitted_also_through_what_is_held() {
         use Quantity::{IntruderMass, Stiffness};
@@ -164,7 +165,7 @@ mod tests {
             known[held.place()] = Some(stated);
             let all = combined(&normal, &[free], (&unscaled, 3.0), &known);
             let u = all[(free.place(), free.place())].sqrt();
-            // The scale is of the scatter alone.
+            // The scale applies only to the scatter.
             let expected = (9e-10_f64 + stated * stated + (2.0 * CLOCK_U).powi(2)).sqrt();
             assert!(
                 (u / expected - 1.0).abs() < 1e-12,

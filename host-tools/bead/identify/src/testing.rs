@@ -1,4 +1,4 @@
-//! Taps at a free bead for tests: an integration of its own, with filters, noise and codes.
+//! Taps at a free bead for tests: a separate integration, with filters, noise and codes.
 
 use bead_model::converter::CONVERSION;
 use bead_recording::strikes::{RecordedStrike, ScanCodes};
@@ -11,12 +11,12 @@ use rand_distr::{Distribution, Normal};
 use crate::noise::Noise;
 use crate::series::{StrikeSeries, noises};
 
-/// A tap and the bead that it meets.
+/// A tap and the bead that it hits.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct TestTap {
     pub(crate) stiffness: f64,
     pub(crate) damping: f64,
-    /// Part by which the spring's force is greater at 1 µm.
+    /// Relative increase of the spring's force at 1 µm.
     pub(crate) hardening: f64,
     /// Peak of the force, N, and its duration, s.
     pub(crate) peak: f64,
@@ -103,7 +103,7 @@ impl TestTap {
             .collect()
     }
 
-    /// The tap as it is recorded.
+    /// The tap as recorded.
     pub(crate) fn recorded(&self) -> RecordedStrike {
         let mut random = ChaCha8Rng::seed_from_u64(self.seed);
         let signals = self.signals();

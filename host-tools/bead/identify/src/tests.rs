@@ -1,4 +1,4 @@
-//! Identification of beads that are tapped, and the lines that it has for what goes wrong.
+//! Identification of tapped beads, and its messages for what goes wrong.
 
 use hertz_chain::tangents::SensorPlace;
 use hertz_chain::{Scenario, simulate};
@@ -129,10 +129,10 @@ fn masses_and_a_common_gain_are_held_where_nothing_tells_them_apart() {
 
     let (pairs, mut wanted) = candidates(&taps, true);
     wanted.free = vec![Stiffness, Damping, IntruderMass, ForceGain, AccelerationGain];
-    // 1 % of m, and as it holds k/m and c/m, of both.
+    // 1 % of m; since k/m and c/m are determined, also 1 % of k and c.
     wanted.stated[IntruderMass.place()] = Some(0.01);
     let found = identify(&pairs, &wanted).unwrap();
-    // Nothing is known of either combination, so which comes first is rounding.
+    // Neither combination is determined, so rounding decides their order.
     let is_held = |quantity| found.degenerate.iter().any(|one| one.held == quantity);
     assert!(found.degenerate.len() == 2 && is_held(IntruderMass) && is_held(ForceGain));
     assert_eq!(found.best.free, [Stiffness, Damping, AccelerationGain]);
@@ -222,8 +222,9 @@ fn ringing_that_is_too_quiet_or_too_short_has_a_line_and_intervals_by_profile_ar
     }
 }
 
-/// Figures 2a to 2c of the paper: forces at contacts 6 to 11 without an intruder; with one in bead 8 those at
-/// 6 to 12, and its acceleration. Noise is a thousandth of the greatest, and the solver makes the signals.
+/// Figures 2a to 2c of the paper: forces at contacts 6 to 11 without an intruder; with one in bead 8, forces
+/// at contacts 6 to 12, and its acceleration. The solver makes the signals; noise is a thousandth of the
+/// greatest.
 #[test]
 fn figures_2a_to_2c_give_the_papers_values_within_half_a_per_cent() {
     const RATE: f64 = 1e5;
@@ -258,7 +259,7 @@ fn figures_2a_to_2c_give_the_papers_values_within_half_a_per_cent() {
     let plain = sampled(&without, forces(11).collect());
     let hosting = sampled(&with, forces(12).chain([SensorPlace::Acceleration(8)]).collect());
 
-    // From values that are a tenth off.
+    // Start from values that are off by a tenth.
     let mut begin = with.clone();
     begin.chain.young *= 0.9;
     begin.chain.relaxation *= 1.1;

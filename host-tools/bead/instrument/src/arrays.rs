@@ -1,4 +1,4 @@
-//! Columns of numbers that a file holds one after another, on their way into a waveform.
+//! Columns of numbers, stored as whole arrays in a file, as a waveform.
 
 use std::path::Path;
 
@@ -8,20 +8,20 @@ use crate::error::WaveformError;
 use crate::rows::{MOST, Rows};
 use crate::signals::Waveform;
 
-/// Numbers in all columns of a file at most: three waveforms of the greatest length.
+/// Greatest number of values in a file: three columns of the greatest length.
 pub(super) const MOST_NUMBERS: usize = 3 * MOST;
 
-/// Columns of a file at most.
+/// Greatest number of columns in a file.
 pub(super) const MOST_COLUMNS: usize = 1000;
 
 /// A column, with its numbers.
 pub(super) struct Array {
     pub(super) header: ColumnHeader,
-    /// In the unit of the file, all arrays of a file of one length.
+    /// Values in the file's unit. All arrays of a file have the same length.
     pub(super) values: Vec<f64>,
 }
 
-/// The columns of a matrix whose numbers stand row by row, or else column by column.
+/// The columns of a matrix that is stored row by row, if `by_rows`, or column by column.
 pub(super) fn columns(values: &[f64], columns: usize, by_rows: bool) -> impl Iterator<Item = Vec<f64>> {
     let rows = values.len() / columns.max(1);
     let (to_column, to_row) = if by_rows { (1, columns) } else { (rows, 1) };

@@ -50,7 +50,7 @@ pub struct Wanted {
     pub column: ColumnAddress,
     /// Quantity and size in its SI unit of 1 in the column, if given.
     pub size: Option<(Quantity, f64)>,
-    /// True if that is by volt: `8.9N/V`.
+    /// True if the size is per volt: `8.9N/V`.
     pub per_volt: bool,
 }
 

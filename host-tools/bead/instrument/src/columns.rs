@@ -19,7 +19,7 @@ pub(super) struct ColumnHeader {
 }
 
 impl ColumnHeader {
-    /// A column that has its number for a name.
+    /// A column named by its number.
     pub(super) fn without_name(place: usize) -> Self {
         Self {
             place,
@@ -77,7 +77,7 @@ impl ColumnHeader {
         }
     }
 
-    /// Its number and name, for the remark on the columns that were taken.
+    /// Its number and name, for the remark on the columns used.
     fn numbered(&self) -> String {
         let number = (self.place + 1).to_string();
         if self.name.trim() == number {
@@ -87,7 +87,7 @@ impl ColumnHeader {
     }
 }
 
-/// Names in a message at most, and characters of each: in a file they may be millions.
+/// Greatest number of names in a message, and of characters in each: a file may have millions.
 const NAMES: usize = 20;
 const LETTERS: usize = 40;
 
@@ -111,7 +111,7 @@ pub(super) struct Picks {
     pub(super) time: Option<Picked>,
     pub(super) force: Option<Picked>,
     pub(super) acceleration: Option<Picked>,
-    /// The column that tells strikes apart, in a table of `bead export`.
+    /// The column with the strike, in a table of `bead export`.
     pub(super) strike: Option<usize>,
     pub(super) remarks: Vec<String>,
 }
@@ -230,7 +230,7 @@ impl NamedColumns<'_> {
         let given = wanted.and_then(|wanted| wanted.size);
         let own = header.unit().map(|unit| (unit.quantity, unit.size));
         let column = header.typed();
-        // A column in mV has a thousandth of a volt in each of its numbers.
+        // In a column in mV, 1 is a thousandth of a volt.
         let volts = match own.filter(|_| wanted.is_some_and(|wanted| wanted.per_volt)) {
             Some((Quantity::Voltage, volts)) => volts,
             None => 1.0,
@@ -285,7 +285,7 @@ impl NamedColumns<'_> {
             (Some(wanted), _) => self.named(wanted, quantity)?,
             (None, [one]) => one,
             (None, []) => {
-                // A name that suggests the quantity is answered with how to give its unit.
+                // If a name suggests the quantity, the error says how to give its unit.
                 let suggested = self
                     .headers
                     .iter()
@@ -411,7 +411,7 @@ mod tests {
         let found = picked(&exported, &Choice::default()).unwrap();
         assert_eq!((found.time, found.force), (pick(2, 1.0), pick(4, 1.0)));
         assert_eq!(found.strike, Some(0));
-        // A gram is no gravity, and the seventh channel has no unit.
+        // `g` of a mass is a gram, and the `G` of a channel's name is no unit.
         let found = picked(&["t (s)", "mass_g", "Channel G", "a (G)"], &Choice::default()).unwrap();
         assert_eq!(found.acceleration.map(|picked| picked.place), Some(3));
     }
@@ -438,7 +438,7 @@ mod tests {
             let found = picked(&keysight, &force(wanted)).unwrap();
             assert_eq!(found.force.map(|picked| picked.place), Some(place), "{wanted}");
         }
-        // Channels of a WAV file have their numbers for names.
+        // Channels of a WAV file are named by their numbers.
         let of_wav = Choice {
             rate_hz: Some(1e5),
             ..force("2:N")
@@ -458,7 +458,7 @@ mod tests {
                 "{name}"
             );
         }
-        // Without the volt it is of 1 in the column.
+        // Without `/V`, the size is that of 1 in the column.
         let found = picked(&["t (s)", "CH1 (mV)"], &force("2:8.9N")).unwrap();
         assert_eq!(found.force, Some(Picked { place: 1, size: 8.9 }));
         let why = picked(&["t (s)", "F (N)"], &force("2:8.9N/V")).unwrap_err();
@@ -483,7 +483,7 @@ mod tests {
         let long = "n".repeat(1 << 20);
         let mut names = vec!["CH1"; 300_000];
         names[0] = long.as_str();
-        // A column with a long name is typed by its number.
+        // The message suggests a column with a long name by its number.
         let named = format!("force {long}");
         for (names, part) in [
             (&names[..], ", CH1 and 299980 more; say which"),

@@ -1,16 +1,16 @@
-//! Faults of a record: values that were cut off, and noise in which its zero drowns.
+//! Faults of a record: values that were cut off, and noise that hides its zero.
 
-/// Equal rows side by side at least, for a record that is taken for cut off.
+/// Least number of consecutive equal rows that suggests a record was cut off.
 const FLAT: usize = 4;
-/// Steps by which a smooth top that stays within one step over some rows falls at most over as many more
-/// rows: nine of a parabola, and rounding.
+/// Greatest fall, in steps, of a smooth top over as many rows as it stays within one step: nine for a
+/// parabola, and rounding.
 const SMOOTH: f64 = 15.0;
-/// Rows at least for a noise.
+/// Least number of rows for an estimate of noise.
 const FEW: usize = 16;
 
 /// The longest run of rows at the highest or the lowest value, if the record seems to be cut off there:
-/// number of rows, and the value. A top may also be flat as the steps of the converter are coarse, or as each
-/// value stands several times.
+/// number of rows, and the value. Coarse steps of the converter or repeated values may also make a top flat;
+/// such tops do not count.
 pub(super) fn cut_off(values: &[f64]) -> Option<(usize, f64)> {
     let first = *values.first()?;
     let most = values
@@ -42,9 +42,8 @@ pub(super) fn cut_off(values: &[f64]) -> Option<(usize, f64)> {
     (rows >= FLAT && rows > 2 * held && is_steep).then_some((rows, flat))
 }
 
-/// Noise before the strike, rms: of the rows of the zero, of which there are `quiet`, or, where noise left
-/// only a few of these, by the changes from row to row on the first quarter of the way to the top. 0 if there
-/// are too few rows.
+/// Noise before the strike, rms: from the `quiet` rows of the zero or, if noise left only a few of these,
+/// from the changes from row to row in the first quarter before the top. 0 if there are too few rows.
 pub(super) fn noise(values: &[f64], quiet: usize) -> f64 {
     let size = |row: &usize| values[*row].abs();
     let top = (0..values.len())
@@ -110,7 +109,7 @@ mod tests {
             (cut(wave(0.0, 0.05)), true),
             (cut(held(wave(0.0, 1e-9))), true),
             (turned(cut(wave(0.0, 0.01))), true),
-            // A signal that comes back to rest again and again is not cut off at rest.
+            // A signal that repeatedly returns to rest is not cut off at rest.
             (
                 [cut(wave(0.0, 0.05)).split_off(1400), wave(0.0, 0.05)].concat(),
                 false,
@@ -132,7 +131,7 @@ mod tests {
                 "{noise_rms}: {found}"
             );
         }
-        // A record that begins with the wave has none.
+        // A record that begins with the wave has no noise before it.
         assert_eq!(noise(&wave(0.0, 1e-6)[980..], 1), 0.0);
     }
 }

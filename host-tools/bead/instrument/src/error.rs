@@ -45,7 +45,7 @@ impl WaveformError {
         }
     }
 
-    /// The error of a temporary file, as one of the file at `path` that it was unpacked from.
+    /// Turns the error of a temporary file into one of the file at `path` that it was unpacked from.
     pub(super) fn of(self, path: &Path) -> Self {
         match self {
             Self::File { source, .. } => Self::unread(path)(source),

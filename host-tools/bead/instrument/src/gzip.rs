@@ -1,4 +1,4 @@
-//! Files that gzip packed.
+//! Files compressed by gzip.
 
 use std::fs::File;
 use std::io::{self, BufReader, Read};
@@ -9,13 +9,13 @@ use tempfile::NamedTempFile;
 
 use crate::error::WaveformError;
 
-/// Bytes of an unpacked file at most. Ten million rows of text with four columns have half of that.
+/// Greatest size of an unpacked file, bytes. Ten million rows of text with four columns take half of that.
 const MOST: u64 = 1 << 30;
 
-/// Unpacks a file beside other temporary files.
+/// Unpacks a file into a temporary file.
 ///
 /// # Errors
-/// The file is damaged, or has more than a gibibyte in it.
+/// The file is damaged, or holds more than a gibibyte.
 pub(super) fn unpack(path: &Path) -> Result<NamedTempFile, WaveformError> {
     let unread = WaveformError::unread(path);
     let packed = BufReader::new(File::open(path).map_err(&unread)?);

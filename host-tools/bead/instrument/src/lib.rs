@@ -1,7 +1,7 @@
 //! Force and acceleration over time from the files of other instruments.
 //!
 //! # Design
-//! The first bytes of a file tell its form, its name does not. Tables have columns, whose names give quantity
+//! The first bytes of a file determine its form; its name does not. Names of table columns state quantity
 //! and unit unless the caller does ([`Choice`]). All readers push their rows into one place (`rows.rs`),
 //! which refuses disordered times, missing values and gaps. A [`Waveform`] is in SI units, begins at rest,
 //! and has a value at any time ([`trace::Trace`]).

@@ -20,7 +20,7 @@ const HEADER: usize = 128;
 /// Numbers of types of elements.
 const MATRIX: u32 = 14;
 const COMPRESSED: u32 = 15;
-/// Bytes of all arrays at most, packed or not.
+/// Greatest size of all arrays, bytes, packed or not.
 const MOST_BYTES: u64 = 8 * MOST_NUMBERS as u64;
 /// The variable of PicoScope that holds the time between two samples, s.
 const INTERVAL: &str = "Tinterval";
@@ -30,8 +30,8 @@ pub(super) fn is_level_5(head: &[u8]) -> bool {
     matches!(head.get(HEADER - 4..HEADER), Some(b"\x00\x01IM" | b"\x01\x00MI"))
 }
 
-/// Reads the variables that have as many rows as the longest of them. A vector is a column of its name, and a
-/// matrix `m` has the columns `m_1`, `m_2` and so on.
+/// Reads the variables that have as many rows as the longest. A vector is a column with the variable's name;
+/// a matrix `m` has the columns `m_1`, `m_2` and so on.
 pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformError> {
     let unfit = |what: &str| WaveformError::unfit(path, what);
     let damaged = |error: io::Error| match error.raw_os_error() {
@@ -98,7 +98,7 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
     waveform(path, choice, &arrays, interval.map(f64::recip))
 }
 
-/// The length of the longer side of a matrix with all its numbers, or 0.
+/// The length of the longer side of a matrix, or 0 unless all its numbers are present.
 fn rows(variable: &NamedArray) -> usize {
     match &variable.matrix {
         Matrix::Dense(matrix) if matrix.rows.checked_mul(matrix.cols) == Some(matrix.values.len()) => {
@@ -109,8 +109,7 @@ fn rows(variable: &NamedArray) -> usize {
 }
 
 /// The real matrices among the elements of a file; `None` if they have more than `left` bytes, unpacked.
-/// Texts, cells and structures, which the library refuses together with the file that they are in, are passed
-/// over.
+/// Texts, cells and structures are skipped: the library would refuse the whole file for them.
 fn variables(header: &[u8], mut elements: &[u8], mut left: u64) -> io::Result<Option<Vec<NamedArray>>> {
     let damaged = || io::Error::from(io::ErrorKind::UnexpectedEof);
     let mut variables = Vec::new();
@@ -194,7 +193,7 @@ mod tests {
         ]);
         let force = read(&vectors, None).unwrap().force.unwrap();
         assert!((force.last() - 19.0).abs() < 1e-12 && (force.end() - 29e-3).abs() < 1e-12);
-        // Upright and lying, with the time from row to row beside them.
+        // Column and row vectors, beside the time from row to row.
         let upright = [times.clone(), ramp()].concat();
         let lying = times
             .iter()

@@ -13,13 +13,13 @@ use crate::error::WaveformError;
 use crate::signals::Waveform;
 use bead_tables::printable::{beginning, one_line};
 
-/// Bytes of a header at most, as in `numpy.load`.
+/// Greatest size of a header, bytes, as in `numpy.load`.
 const LONGEST_HEADER: usize = 10_000;
-/// Brackets in a header at most: its parser calls itself for each.
+/// Greatest number of brackets in a header: the parser recurses for each.
 const MOST_BRACKETS: usize = 20;
 
-/// Reads an array of one dimension, which needs a rate, or of two: rows along the longer one. Columns have
-/// their numbers for names.
+/// Reads an array of one dimension, which needs a rate, or of two: rows along the longer one. Columns are
+/// named by their numbers.
 pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformError> {
     let unfit = |what: String| Err(WaveformError::unfit(path, what));
     let damaged = |error: io::Error| match error.raw_os_error() {
@@ -101,7 +101,7 @@ fn header(file: &mut impl Read) -> io::Result<io::Cursor<Vec<u8>>> {
     Ok(io::Cursor::new(bytes))
 }
 
-/// All numbers in the order of the file, or nothing if they are of another type.
+/// All numbers in the order of the file, or `None` if they are of another type.
 fn values<R: Read>(array: NpyFile<R>) -> Option<io::Result<Vec<f64>>> {
     let DType::Plain(of) = array.dtype() else {
         return None;
@@ -135,7 +135,7 @@ mod tests {
     use super::*;
     use crate::testing;
 
-    /// A file with a header as NumPy 2 writes it, and these numbers.
+    /// A file with these numbers and a header as NumPy 2 writes it.
     fn file(version: u8, dtype: &str, fortran: &str, shape: &str, numbers: &[u8]) -> Vec<u8> {
         let header = format!("{{'descr': {dtype}, 'fortran_order': {fortran}, 'shape': {shape}, }}");
         let before = if version == 1 { 10 } else { 12 };

@@ -32,7 +32,8 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
         if let Some((cells, size)) = &time
             && origin.is_none()
         {
-            // Times since 1970 leave an f64 no room for steps below 1 µs: whole ones count from the first.
+            // An f64 cannot resolve steps below 1 µs in times since 1970, so integer times count from the
+            // first.
             let first = match cells.first() {
                 Some(Cell::Whole(first)) => *first,
                 _ => 0,
@@ -146,7 +147,7 @@ mod tests {
         (waveform.force.unwrap().highest().0, waveform.start)
     }
 
-    /// The refusal of such a table.
+    /// The error for such a table.
     fn refused<T: DataType>(column: &str, value: impl Fn(usize) -> T::T) -> String {
         table::<T>(column, value, &Choice::default()).unwrap_err()
     }
@@ -171,7 +172,7 @@ mod tests {
         let (top, start) = times::<Int32Type>(column, |row| before.wrapping_add(50 * row as i32));
         is_near(top, 1250e-6, 1e-12);
         is_near(start, f64::from(before) * 1e-6, 1e-6);
-        // Of a force, nothing is taken off.
+        // Nothing is subtracted from a force.
         let column = "REQUIRED INT32 kraft (DECIMAL(9,2));";
         let choice = Choice {
             rate_hz: Some(1e3),
@@ -205,7 +206,7 @@ mod tests {
         let (top, start) = times::<Int64Type>(column, |row| epoch + 300 * row as i64);
         is_near(top, 25.0 * 300e-9, 1e-15);
         is_near(start, 1_772_000_000.000_123, 1e-6);
-        // The message of a refusal states times as the file does.
+        // An error states times as the file does.
         let column = "REQUIRED INT64 when (TIMESTAMP_MILLIS);";
         let error = refused::<Int64Type>(column, |row| 1000 * if row > 30 { 4 } else { row as i64 });
         assert!(error.contains("goes back at row 32, from 30 to 4 s"), "{error}");

@@ -8,7 +8,7 @@ use crate::rows::{ACCELERATION_LATER, Rows};
 use crate::signals::Waveform;
 use bead_recording::file::{RecordedBead, Recording};
 
-/// Reads a strike of a recording; of a recording of several beads, that of bead number `bead`.
+/// Reads a strike of a recording; of a recording of several beads, one of bead number `bead`.
 pub(super) fn read(path: &Path, choice: &Choice, bead: Option<usize>) -> Result<Waveform, WaveformError> {
     let unfit = |what: String| Err(WaveformError::unfit(path, what));
     if choice.names_a_column() || choice.rate_hz.is_some() {

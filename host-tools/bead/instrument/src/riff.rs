@@ -1,9 +1,9 @@
 //! The samples of a WAV file (RIFF).
 //!
 //! # Design
-//! Files of instruments are read that simpler readers get wrong: chunks of odd length with and without their
-//! padding, streams of unknown length, and samples whose valid bits are the highest of their bytes
-//! (Microsoft, `WAVEFORMATEXTENSIBLE`).
+//! This reads files that simpler readers get wrong: chunks of odd length with and without padding, streams
+//! of unknown length, and samples whose valid bits are the highest of their bytes (Microsoft,
+//! `WAVEFORMATEXTENSIBLE`).
 
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, ErrorKind, Read, Seek};
@@ -12,10 +12,9 @@ use std::path::Path;
 /// Numbers of the forms of samples.
 pub(super) const PCM: u16 = 1;
 pub(super) const FLOAT: u16 = 3;
-/// The form follows further behind.
+/// The form is in the extension of the chunk.
 pub(super) const EXTENSIBLE: u16 = 0xFFFE;
-/// Least length that stands for a stream of unknown end: `sox` writes a little less than 2^31, `ffmpeg`
-/// 2^32 - 1.
+/// Least length of a stream of unknown length: `sox` writes a little less than 2^31, `ffmpeg` 2^32 - 1.
 const STREAM: u32 = 0x7FFF_0000;
 
 /// A reader of the samples of a file.
@@ -41,8 +40,8 @@ impl WavSamples {
     /// Reads up to the first sample.
     ///
     /// # Errors
-    /// `UnexpectedEof` if the file ends before, `Unsupported` for samples of another form, `InvalidData` if
-    /// the samples come before their form.
+    /// `UnexpectedEof` if the file ends before the first sample, `Unsupported` for samples of another form,
+    /// `InvalidData` if the samples come before their form.
     pub(super) fn open(path: &Path) -> io::Result<Self> {
         let file = File::open(path)?;
         let size = file.metadata()?.len();
@@ -82,7 +81,7 @@ impl WavSamples {
         self.form
     }
 
-    /// Reads the next sample of each channel into `row`; full scale is 1. False behind the last.
+    /// Reads the next sample of each channel into `row`; full scale is 1. Returns false after the last.
     ///
     /// # Errors
     /// The file cannot be read, or ends within its samples.
@@ -97,7 +96,7 @@ impl WavSamples {
             // Valid bits are the highest of their bytes, so full scale is that of all four.
             self.file.read_exact(&mut sample[4 - bytes..])?;
             if bytes == 1 {
-                // Samples of 8 bits alone have no sign.
+                // Only samples of 8 bits are unsigned.
                 sample[3] ^= 0x80;
             }
             *value = if self.form.tag == FLOAT {
@@ -123,7 +122,7 @@ impl SampleForm {
         };
         let (channels, frame, bits) = (field(2), field(12), field(14));
         let bytes = frame.checked_div(channels).unwrap_or(0);
-        // A sample with more bytes than its bits need does not tell where the bits are.
+        // In a sample with more bytes than its bits need, the place of the bits is unknown.
         let is_read = matches!((tag, bytes), (PCM, 1..=4) | (FLOAT, 4)) && bits.div_ceil(8) == bytes;
         if !is_read || bytes * channels != frame {
             return Err(ErrorKind::Unsupported.into());

@@ -1,4 +1,4 @@
-//! Rows of any file on their way into a waveform. Gaps, disorder and odd values are refused here.
+//! Rows of any file, checked and made into a waveform. Gaps, disorder and odd values are refused here.
 
 use std::path::Path;
 
@@ -10,11 +10,11 @@ use crate::signals::Waveform;
 use crate::trace::{Times, Trace, thinned, zeroed};
 use bead_tables::unit::Quantity;
 
-/// Rows of a waveform at most: three columns of them take 240 MB.
+/// Greatest number of rows of a waveform: three columns of them take 240 MB.
 pub(super) const MOST: usize = 10_000_000;
 /// Greatest value in SI units, as in scenarios: sums and differences stay finite.
 const GREATEST: f64 = 1e30;
-/// Rows of a waveform at least.
+/// Least number of rows of a waveform.
 const LEAST: usize = 8;
 /// Shortest gap, in usual steps of time.
 const GAP: f64 = 1.5;
@@ -41,7 +41,8 @@ pub(super) struct Rows<'a> {
 }
 
 impl<'a> Rows<'a> {
-    /// No rows yet, of force and acceleration as `of` says. With a rate, times are not used.
+    /// An empty set of rows. `of` is true for force and for acceleration if the rows have it. With a rate,
+    /// times are not used.
     pub(super) fn new(path: &'a Path, row: &'static str, rate_hz: Option<f64>, of: [bool; 2]) -> Self {
         let [force, acceleration] = of.map(|there| there.then(Vec::new));
         Self {
@@ -58,7 +59,7 @@ impl<'a> Rows<'a> {
         }
     }
 
-    /// No rows yet, of the columns of `picks`.
+    /// An empty set of rows of the columns of `picks`.
     pub(super) fn picked(path: &'a Path, row: &'static str, rate_hz: Option<f64>, picks: &Picks) -> Self {
         let of = [picks.force.is_some(), picks.acceleration.is_some()];
         let mut rows = Self::new(path, row, rate_hz, of);
@@ -201,7 +202,7 @@ impl<'a> Rows<'a> {
     }
 }
 
-/// Part of its highest value that the noise of a quantity may have without a remark.
+/// Greatest noise of a quantity without a remark, as a part of its highest value.
 const NOISE_MOST: f64 = 0.01;
 
 /// Remarks on values that were cut off, and on noise. The zero comes from the first `quiet` rows.
@@ -254,7 +255,7 @@ fn remarks(quantity: Quantity, trace: &Trace, offset: f64) -> Vec<String> {
             100.0 * last.abs() / greatest
         ));
     }
-    // The error of the cubic at the top, from the test in trace.rs.
+    // The formula for the error of the cubic at the top is from the test in trace.rs.
     if let Some(wide) = trace.rows_wide().filter(|wide| *wide < 6.0) {
         remarks.push(format!(
             "the {name}'s pulse is only {wide:.1} rows wide at half its height, so its top is known to some {:.1} % at best; \
@@ -267,7 +268,7 @@ fn remarks(quantity: Quantity, trace: &Trace, offset: f64) -> Vec<String> {
 
 /// The strikes of a table of `bead export`, of which one is wanted.
 pub(super) struct StrikeFilter {
-    /// True if a column tells strikes apart.
+    /// True if a column identifies strikes.
     has_column: bool,
     wanted: Option<usize>,
     last: Option<f64>,

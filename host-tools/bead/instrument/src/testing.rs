@@ -1,4 +1,4 @@
-//! Reading of made files in tests.
+//! Reads files made by tests.
 
 use crate::{Choice, Waveform};
 

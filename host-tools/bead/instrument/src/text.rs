@@ -1,11 +1,12 @@
 //! Text tables: CSV as oscilloscopes, spreadsheets and programs write it.
 //!
 //! # Design
-//! Every instrument writes its own head. The last of the first lines with the most numbers is a row, and the
-//! table begins at the first line with numbers in the same columns. The lines above are the head: names,
-//! perhaps with a line of units below, or settings of the instrument, which are skipped. Semicolons, tabs,
-//! commas or blanks separate fields; a comma may be the decimal sign where it separates nothing. A head with
-//! more or fewer names than columns would name the wrong ones, so such columns have numbers for names.
+//! Every instrument writes its own head. Of the first lines, the last one with the most numbers is taken as
+//! a row, and the table begins at the first line with numbers in the same columns. The lines above are the
+//! head: names, perhaps with a line of units below, or settings of the instrument, which are skipped.
+//! Semicolons, tabs, commas or blanks separate fields; a comma may be the decimal sign where it separates
+//! nothing. A head with more or fewer names than columns would name the wrong ones, so such columns are
+//! named by number.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
@@ -22,11 +23,11 @@ use bead_tables::unit;
 
 /// Number of lines that are examined before the table is read.
 const AHEAD: usize = 400;
-/// Bytes of a line at most.
+/// Greatest length of a line, bytes.
 const LONGEST: u64 = 1 << 16;
 /// Range of a step of time in a head, s.
 const STEPS: RangeInclusive<f64> = 1e-30..=1e30;
-/// Separators of fields; the first of equals wins.
+/// Separators of fields; of equally good ones, the first wins.
 const SEPARATORS: [char; 4] = [';', '\t', ',', ' '];
 
 pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformError> {
@@ -170,7 +171,7 @@ impl TableLayout {
                 .map(|(place, _)| place)
                 .collect()
         };
-        // The last of the lines with the most numbers, by the separator that leaves the fewest other fields.
+        // Find the last line with the most numbers, for the separator that leaves the fewest other fields.
         let mut best: Option<((f64, usize), char, usize)> = None;
         for separator in SEPARATORS {
             for (at, line) in lines.iter().enumerate().rev() {
@@ -206,7 +207,7 @@ impl TableLayout {
             let mut names = names.iter();
             names.position(|name| name.eq_ignore_ascii_case("increment"))
         };
-        // Empty fields at the end do not count. A head with the step of time names settings too.
+        // Empty fields at the end do not count. A head with the step of time also names settings.
         let fits = |names: &Vec<&str>| {
             let alike = filled(names) <= row.len() && filled(&row) <= names.len();
             alike || of_step(names).is_some()
@@ -251,7 +252,7 @@ fn filled(fields: &[&str]) -> usize {
     last.map_or(0, |last| last + 1)
 }
 
-/// True for a line among the rows that holds none.
+/// True for a line among the rows that holds no row.
 fn is_passed(line: &str) -> bool {
     line.trim().is_empty() || line.starts_with('#')
 }
@@ -325,7 +326,7 @@ mod tests {
         head.to_owned() + &(0..30).map(line).collect::<String>()
     }
 
-    /// Two newtons a volt give 3.8 N at the end, 1.8 N in the middle of the ramp.
+    /// Asserts that two newtons per volt give 3.8 N at the end, 1.8 N in the middle of the ramp.
     fn is_the_ramp(bytes: impl AsRef<[u8]>, choice: &Choice) {
         let mut force = waveform(bytes, choice).unwrap().force.unwrap();
         assert!((force.end() - 29e-3).abs() < 1e-12, "{}", force.end());
@@ -358,7 +359,7 @@ mod tests {
         for (head, row) in tables {
             is_the_ramp(table(head, row), &choice("", "CH1:2N"));
         }
-        // Of the oldest: settings to the left, no names.
+        // The oldest instruments write settings to the left and no names.
         let tds = table("", &|t, v| {
             let left = if t < -7e-3 {
                 "Record Length,30,Points"
@@ -398,7 +399,7 @@ mod tests {
 
     #[test]
     fn names_that_are_not_as_many_as_the_columns_are_no_names() {
-        // R writes the numbers of rows without a name, numpy the units behind blanks, and an inch begins a
+        // R writes row numbers without a name, numpy puts blanks before units, and an inch mark opens a
         // quoted text.
         let r = table("\"time_s\" \"force_n\" \"acceleration_mps2\"\n", &|t, v| {
             format!("\"7\" {t:.6} {:.4} 0.1\n", 2.0 * v)
@@ -424,7 +425,7 @@ mod tests {
         is_the_ramp(&r, &choice("2:s", "3:N"));
         let two: Row<'_> = &|t, v| format!("{t:.6},{:.4}\n", 2.0 * v);
         let tables: [(&str, Row<'_>); 3] = [
-            // An empty field at the end may be missing above or below.
+            // An empty last field may be missing in the head or in the rows.
             ("t (s),F (N),\n", two),
             ("t (s),F (N)\n", &|t, v| format!("{t:.6},{:.4},,\n", 2.0 * v)),
             // A title above a line of units, which are names as well.
@@ -447,8 +448,8 @@ mod tests {
             let short = text.replace("1,0\n", "1\n");
             assert_eq!(waveform(&short, &untimed("1:2N")).unwrap_err(), why);
         }
-        // Two columns: by the choice of the second, by their names, or since there is a point or a sign in
-        // it.
+        // These are two columns: by the choice of the second, by their names, or by a point or a sign in the
+        // second.
         let row: Row<'_> = &|t, v| format!("{:.0},{:.0}\n", 1e3 * t + 10.0, 10.0 * v);
         for head in ["", "t (ms),v\n"] {
             is_the_ramp(table(head, row), &choice("1:ms", "2:0.2N"));
@@ -464,7 +465,7 @@ mod tests {
     #[test]
     fn a_table_that_is_no_waveform_is_refused_with_its_line() {
         let good = table("", &|t, v| format!("{t:.6},{:.4}\n", 2.0 * v));
-        // A row in place of another.
+        // The table with row `at` replaced.
         let one = |at: usize, row: &str| {
             let mut lines: Vec<&str> = good.split_inclusive('\n').collect();
             lines.splice(at..=at, [row]);

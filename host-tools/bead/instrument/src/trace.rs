@@ -4,7 +4,7 @@
 //! Between rows, the value is that of the cubic through the four nearest ones, which suits pulses of six rows
 //! and more (see [`Trace::rows_wide`]). A source much faster than the front end's own steps is averaged down
 //! to them first, so that its noise does not fold into the band. Before the first row the value is 0; after
-//! the last it returns to 0 along half a cosine, slower than any trigger sees.
+//! the last it returns to 0 along half a cosine, too slowly for any trigger.
 
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -14,20 +14,20 @@ pub const FADE: f64 = 0.02;
 /// Steps below this are averaged, s: half of the front end's own steps.
 const FINEST: f64 = 0.25e-6;
 
-/// Rows of a parabola at least, so that it averages.
+/// Least number of rows for a parabola to average.
 const FEW: f64 = 6.0;
 
-/// The times of rows, from the first on, s.
+/// The times of rows since the first, s.
 #[derive(Debug, Clone)]
 pub(super) enum Times {
     /// At even steps.
     Even {
-        /// From row to row, s.
+        /// Time between two rows, s.
         step: f64,
         /// Number of rows.
         count: usize,
     },
-    /// One by one, ascending from 0.
+    /// Each time, ascending from 0.
     Each(Arc<[f64]>),
 }
 
@@ -70,7 +70,7 @@ pub struct Trace {
     values: Arc<[f64]>,
     /// Time of row 0, s.
     start: f64,
-    /// The last row that was read.
+    /// The row that was read last.
     near: usize,
 }
 
@@ -353,9 +353,9 @@ mod tests {
             off(&mut |time| trace.around(time, 1e-5)),
         );
         println!("{alone} {around}");
-        // Nine quarters of the noise's square over the twenty rows: a third of the noise.
+        // The parabola leaves 9/4 of the noise's variance over twenty rows: a third of the noise.
         assert!(alone > 0.01 && around < 0.42 * alone, "{alone} {around}");
-        // A slow source is taken as it is.
+        // A slow source is not averaged.
         let mut slow = Trace::even((0..40).map(|row| pulse(f64::from(row), 20.0, 8.0)).collect(), 1e5);
         assert_eq!(slow.around(203e-6, 1e-5), slow.clone().at(203e-6));
     }

@@ -1,6 +1,6 @@
-//! Forms of files that are known and not read, each with a way to one that is.
+//! Forms of files that are recognised but not read, each with a way to convert it to one that is.
 
-/// Bytes of a file that tell its form.
+/// Number of bytes that identify the form of a file.
 pub(super) const HEAD: u64 = 600;
 
 /// The first bytes of each form, with the end of a sentence that begins with the file's name.

@@ -11,7 +11,7 @@ use crate::rows::Rows;
 use crate::signals::Waveform;
 use bead_tables::unit::Quantity;
 
-/// Reads a WAV file. The full scale of a channel is 1, for float and whole samples alike.
+/// Reads a WAV file. The full scale of a channel is 1, for float and integer samples alike.
 pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformError> {
     let unfit = |what: &str| WaveformError::unfit(path, what);
     let unread = |error: io::Error| match error.kind() {
@@ -45,7 +45,7 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
         ));
     }
     let headers: Vec<_> = (0..channels).map(ColumnHeader::without_name).collect();
-    // A given rate corrects that of the file.
+    // A rate given by the caller replaces that of the file.
     let rate_hz = choice.rate_hz.unwrap_or(f64::from(form.rate_hz));
     let choice = Choice {
         rate_hz: Some(rate_hz),
@@ -85,7 +85,7 @@ mod tests {
         read(bytes, choice)
     }
 
-    /// A chunk `fmt ` of a channel at 48 kHz with samples of `bytes` bytes, and `more` behind its first 16
+    /// A chunk `fmt ` of a channel at 48 kHz with samples of `bytes` bytes, and `more` after its first 16
     /// bytes.
     fn form(tag: u16, bytes: u16, bits: u16, more: &[u8]) -> Vec<u8> {
         let rate = 48_000_u32;
@@ -102,8 +102,8 @@ mod tests {
         [&[22, 0, bits, 0, 4, 0, 0, 0], &pcm[..]].concat()
     }
 
-    /// A pulse of half of full scale at sample 100 of 200, from below zero to above it, as floats or as whole
-    /// numbers of `bytes` bytes.
+    /// A pulse of half of full scale at sample 100 of 200, from below zero to above it, as floats or as
+    /// integers of `bytes` bytes.
     fn samples(tag: u16, bytes: usize) -> Vec<u8> {
         let sample = |n: i32| {
             let value = 0.5 * (-(f64::from(n - 100) / 20.0).powi(2)).exp() - 0.25;
@@ -165,7 +165,7 @@ mod tests {
             let note: Chunk<'_> = (b"note", length, bytes);
             is_the_pulse(&[note, form, note, data, note], 0.02);
         }
-        // With the first byte of a sample that was cut.
+        // The stream ends within a sample.
         let cut = [&samples[..], &[0]].concat();
         for length in [u32::MAX, 0x7FFF_EFDC] {
             is_the_pulse(&[form, (b"data", length, &cut)], 0.02);

@@ -7,7 +7,7 @@
 
 use bead_compare::student::student;
 
-/// Strikes that tell a drift.
+/// Least number of strikes for a drift.
 pub const STRIKES_LEAST: usize = 5;
 
 /// A drift over strikes.

@@ -1,9 +1,9 @@
 //! The strikes of a recording against limits.
 //!
 //! # Design
-//! Each limit is held against each strike of each of its beads, and the worst strike is its result: one that
-//! fails before one that is not decided, and of equal ones the one with the least room. Strikes are read some
-//! at a time; of each only its values stay.
+//! Each limit is applied to each strike of each of its beads, and its result is the worst strike: one that
+//! fails before one that is not decided, and of equal ones the one with the least room. Strikes are read in
+//! batches, and only their values are kept.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -24,7 +24,7 @@ use crate::row::{FeltStrike, shares};
 use crate::rule::Outcome;
 use crate::values::{Measured, StrikeValues};
 
-/// Strikes that are held in memory: enough for all cores.
+/// Number of strikes in memory: enough for all cores.
 const BATCH: usize = 64;
 
 /// The strikes of a bead, as far as limits need them.
@@ -36,8 +36,7 @@ struct BeadStrikes {
     masked: BTreeMap<usize, (Vec<JudgedValue>, Vec<EnvelopePoint>)>,
 }
 
-/// Holds the strikes of a recording against limits. `stated` uncertainties take the place of those in the
-/// recording.
+/// Judges the strikes of a recording by limits. `stated` uncertainties replace those in the recording.
 ///
 /// # Errors
 /// The recording cannot be read, or is of a later version of the protocol.
@@ -111,7 +110,7 @@ fn order(recording: &Recording) -> Vec<u8> {
 }
 
 impl BeadStrikes {
-    /// Holds the spectra of a strike against the masks that are for its bead.
+    /// Compares the spectra of a strike with the masks for its bead.
     fn hold_masks(
         &mut self,
         recording: &Arc<str>,
@@ -165,7 +164,7 @@ fn widen(envelope: &mut Vec<EnvelopePoint>, points: &[MaskedPoint]) {
 }
 
 impl Limit {
-    /// True if the limit holds for a bead.
+    /// True if the limit applies to a bead.
     pub fn is_for(&self, address: u8) -> bool {
         self.beads.is_empty() || self.beads.contains(&address)
     }

@@ -1,4 +1,4 @@
-//! The results of limits: every value that was held against one, and the worst of them.
+//! The results of limits: every value that was compared with one, and the worst of them.
 
 use bead_spectra::strike::FLAT_TO;
 use schemars::JsonSchema;
@@ -64,7 +64,7 @@ pub struct JudgedLimit {
     pub(crate) envelope: Vec<EnvelopePoint>,
 }
 
-/// A value that was held against limits.
+/// A value that was compared with limits.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct JudgedValue {
     /// Number of the strike; `None` for a value over several.

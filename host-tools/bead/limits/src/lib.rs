@@ -1,9 +1,9 @@
-//! Limits of one's own for strikes: pass or fail by a stated rule.
+//! User-defined limits for strikes: pass or fail by a stated rule.
 //!
 //! # Design
 //! [`mod@file`] reads limits, [`values`] has the values of a strike with their uncertainties, and [`rule`]
-//! decides with both (JCGM 106). [`judge`] holds the strikes of a recording against all limits, and the worst
-//! value of each counts. [`mask`] does this over frequency, [`drift`] and [`row`] over strikes and beads.
+//! decides with both (JCGM 106). [`judge`] compares the strikes of a recording with all limits, and the worst
+//! value counts for each. [`mask`] does this over frequency, [`drift`] and [`row`] over strikes and beads.
 //! [`report`] and [`junit`] show the result.
 
 pub mod drift;

@@ -35,7 +35,7 @@ pub struct Mask {
     pub gravities: bool,
 }
 
-/// A spectrum at a frequency, held against the mask.
+/// A spectrum at a frequency, compared with the mask.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MaskedPoint {
     /// Frequency, Hz.
@@ -152,7 +152,7 @@ mod tests {
         }
     }
 
-    /// A half sine of 100 m/s² and 1 ms, 100 000 samples a second, behind 1 ms of quiet.
+    /// A half sine of 100 m/s² and 1 ms, 100 000 samples a second, after 1 ms of quiet.
     fn half_sine() -> StrikeSignal {
         let sine = |sample: i32| match sample - 100 {
             at @ 0..=100 => 100.0 * (std::f64::consts::PI * f64::from(at) / 100.0).sin(),

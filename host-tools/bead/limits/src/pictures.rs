@@ -6,9 +6,9 @@ use crate::judged::{EnvelopePoint, JudgedLimit, JudgedRecording};
 use crate::rule::Outcome;
 use crate::words::{Shown, subject};
 
-/// Strikes that a picture shows; of more, every second, third and so on.
+/// Greatest number of strikes in a picture; of more, it shows every second, third and so on.
 const SHOWN: usize = 1000;
-/// Panels of a recording that a page shows.
+/// Greatest number of panels of a recording on a page.
 const PANELS_MOST: usize = 24;
 
 /// The pictures of a recording: its values over the strikes, and each spectrum under its mask.

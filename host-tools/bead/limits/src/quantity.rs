@@ -71,7 +71,7 @@ const FACTS: [(&str, &str); Scalar::ALL.len()] = [
     ("ring_frequency", "Hz"),
 ];
 
-/// Names of the quantities that are no scalars.
+/// Names of the quantities that are not scalars.
 pub(crate) const DRIFT: &str = "drift";
 pub(crate) const ROW_SHARE: &str = "row_share";
 pub(crate) const SRS: &str = "srs";

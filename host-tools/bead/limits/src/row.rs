@@ -4,8 +4,8 @@
 //! The energy that came is the work of the first bead's force on its host ([`incident_work`]), and the share
 //! is the sum of all beads' estimates A over it. Beads that share a calibration err alike, so their
 //! uncertainties are added, which is an upper bound for others; the work goes with the square of the force's
-//! scale. Strikes of several beads are one where their triggers are within [`TOGETHER`] by the host's time,
-//! or where that is unknown have one number.
+//! scale. Strikes of several beads are one if their triggers are within [`TOGETHER`] by the host's time or,
+//! where that is unknown, if they have the same number.
 
 use bead_compare::incident::incident_work;
 use bead_model::design::Uncertainty;
@@ -15,7 +15,7 @@ use bead_recording::strikes::RecordedStrike;
 use crate::quantity::Scalar;
 use crate::values::{Measured, StrikeValues, force_part};
 
-/// Triggers of a row's beads lie within this time of the first one's, s. A bead measures no two strikes
+/// Greatest time from the first trigger of a row's beads to the others, s. A bead measures no two strikes
 /// within 15 ms.
 pub const TOGETHER: f64 = 10e-3;
 
@@ -33,7 +33,8 @@ pub struct FeltStrike {
 }
 
 impl FeltStrike {
-    /// The part of a strike in the energy of a row. The incident energy is computed `if_first` bead.
+    /// The part of a strike in the energy of a row. The incident energy is computed only for the first bead
+    /// (`if_first`).
     pub(crate) fn of(
         strike: &RecordedStrike,
         values: &StrikeValues,
@@ -123,7 +124,7 @@ mod tests {
 
     #[test]
     fn a_row_absorbs_the_sum_of_its_beads_of_one_strike() {
-        // The second bead lost the first strike, so that its numbers are others.
+        // The second bead lost the first strike, so its numbers differ.
         let first = vec![
             felt(0, Some(1.0), 1.0, Some(10.0)),
             felt(1, Some(1.5), 2.0, Some(20.0)),
@@ -135,7 +136,7 @@ mod tests {
         let share = found[1].1.as_ref().unwrap();
         assert!((share.value - 0.25).abs() < 1e-12);
         assert!((share.u.unwrap() - 0.25 * 0.02_f64.hypot(0.03)).abs() < 1e-12);
-        // Without times the numbers count, and without a second bead there is no row.
+        // Without times the numbers decide, and without a second bead there is no row.
         let timeless = vec![felt(0, None, 3.0, None)];
         assert!(shares(&[(7, first.clone()), (8, timeless)])[0].1.is_ok());
         let alone = shares(&[(7, first)]).remove(0).1.unwrap_err();

@@ -1,8 +1,8 @@
-//! Decision rules: how a value with an uncertainty is held against limits.
+//! Decision rules for a value with an uncertainty against limits.
 //!
 //! # Design
 //! JCGM 106:2012, clause 8. U is the expanded uncertainty of the value, about 95 %. Where a rule needs U and
-//! it is unknown, nothing is decided, unless every U would lead to one decision.
+//! it is unknown, nothing is decided, unless every U would lead to the same decision.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -122,7 +122,7 @@ mod tests {
             (10.8, Some(0.5), [Fail, Fail, Fail]),
             (7.8, Some(0.5), [Fail, Fail, Pass]),
             (7.0, Some(0.5), [Fail, Fail, Fail]),
-            // Of an unknown uncertainty only what none would change is decided.
+            // With an unknown uncertainty, only what no uncertainty would change is decided.
             (9.0, None, [Pass, Undecided, Pass]),
             (10.2, None, [Fail, Fail, Undecided]),
             (f64::NAN, Some(0.5), [Undecided; 3]),

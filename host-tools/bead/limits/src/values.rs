@@ -46,8 +46,8 @@ pub struct StrikeValues {
 }
 
 impl StrikeValues {
-    /// The values of a strike. `stated` uncertainties take the place of those in its settings; those of the
-    /// energies then take a budget, which costs some 0.4 s, and are unknown unless it is `with_budget`.
+    /// The values of a strike. `stated` uncertainties replace those in its settings; those of the energies
+    /// then need a budget, which takes some 0.4 s, and are unknown unless `with_budget`.
     pub fn of(strike: &RecordedStrike, stated: Option<&Uncertainty>, with_budget: bool) -> Self {
         let said = &strike.said;
         let known = known(strike, stated);
@@ -115,7 +115,7 @@ fn known(strike: &RecordedStrike, stated: Option<&Uncertainty>) -> Option<Uncert
 }
 
 /// The standard uncertainties of A, B and A − B, J: by the budget of the strike if uncertainties are stated,
-/// else as the bead sent them. `None` where a flag means an error that they do not hold.
+/// else as the bead sent them. `None` where a flag means an error that they do not cover.
 fn energies(strike: &RecordedStrike, stated: Option<&Uncertainty>) -> [Option<f64>; 3] {
     let Some(stated) = stated else {
         let sent = strike.shape.as_ref();
@@ -127,7 +127,7 @@ fn energies(strike: &RecordedStrike, stated: Option<&Uncertainty>) -> [Option<f6
         return [None; 3];
     };
     let [of_a, of_b] = are_held(strike.said.flags);
-    // A budget that lacks an input is no budget of the whole.
+    // A budget that lacks an input is incomplete.
     let is_whole = budget.unknown.is_empty();
     [
         Some(budget.measured.u).filter(|_| of_a && is_whole),

@@ -51,7 +51,7 @@ pub fn sentence(limit: &JudgedLimit) -> String {
 pub(crate) struct Shown {
     symbol: &'static str,
     pub(crate) scale: f64,
-    /// Digits behind the point.
+    /// Digits after the point.
     digits: usize,
 }
 
@@ -79,7 +79,7 @@ impl Shown {
         }
     }
 
-    /// The unit in brackets, behind a blank; empty without one.
+    /// The unit in brackets, after a blank; empty without one.
     pub(crate) fn suffix(&self) -> String {
         match self.symbol {
             "" => String::new(),

@@ -1,20 +1,21 @@
 //! Requests to a bead, and its replies among all else that it sends.
 //!
 //! # Design
-//! A request that gets no reply in time is sent again under the same number, as the line may lose request or
+//! A request without a timely reply is sent again under the same number, as the line may lose request or
 //! reply. Every request may be repeated (`docs/protocol.md`). The first number is arbitrary, so that a reply
 //! to an earlier program is not taken for ours.
 //!
-//! Without an address, every bead on the line is asked. Then one bead must be alone there: the replies of
-//! several would collide. With an address, only that bead is asked, and what the others send meanwhile is
-//! passed over.
+//! Without an address, a request goes to every bead on the line. Then only one bead may be there: the
+//! replies of several would collide. With an address, a request goes only to that bead, and the frames of
+//! others are ignored.
 //!
-//! Behind a hub the replies of several beads do not collide. So before a bead's state is changed without an
-//! address, all that was heard must come from one bead: what one of them told is not for the others.
+//! Behind a hub the replies of several beads do not collide. So before a request without an address changes
+//! a bead's state, all frames received must come from one bead: the reply of one bead says nothing of the
+//! others.
 //!
-//! With a key, what changes the bead's state is signed. The bead is asked first for what a signature needs:
-//! its device id, boot, sample index and counter. Each copy of a signed request has a counter of its own,
-//! since the bead takes each only once.
+//! With a key, requests that change the bead's state are signed. First the bead is asked for what a
+//! signature needs: its device id, boot, sample index and counter. Each copy of a signed request has its own
+//! counter, since the bead accepts each only once.
 
 use std::collections::VecDeque;
 use std::process;
@@ -31,10 +32,10 @@ use bead_recording::frames::{Frame, FrameReader};
 
 /// Number of times that a request is sent before the bead counts as silent.
 const ATTEMPTS: u32 = 3;
-/// Time in which the replies of other beads to the same request may come. A bead whose line is busy holds a
-/// reply back for 20 ms, and a network may do so too.
+/// Time to wait for replies of other beads to the same request. A busy line delays a reply by 20 ms; a
+/// network may delay it, too.
 const OTHERS: Duration = Duration::from_millis(200);
-/// Time for a clock that runs slow, and a host that is busy, in which a signed request holds.
+/// Additional validity of a signed request, for a slow clock or a busy host.
 const MARGIN: Duration = Duration::from_secs(5);
 
 /// An error of a conversation. The message is one line: what, why, what next.
@@ -46,7 +47,7 @@ pub enum LineError {
     /// The bead refused.
     #[error("{0}")]
     Refused(String),
-    /// Several beads are there, and none of them was named.
+    /// Several beads are on the line, and no address was given.
     #[error("{0}")]
     Several(String),
 }
@@ -57,12 +58,12 @@ impl From<PortError> for LineError {
     }
 }
 
-/// A line on which a bead gets requests.
+/// A line for requests to a bead.
 pub struct Conversation {
     line: Address,
     port: Port,
     reader: FrameReader,
-    /// The bead that is asked, or [`ANY`].
+    /// Address for requests, or [`ANY`].
     asked: u8,
     replied: Option<u8>,
     /// Frames that came after the last wanted one.
@@ -83,20 +84,20 @@ pub struct Answer {
     pub reply: Reply,
     /// The address of the bead that replied.
     pub address: u8,
-    /// True if a frame of the bead was lost before one of these or before the reply. Losses before the first
-    /// frame of a conversation are unknown.
+    /// True if a frame of the bead was lost before one of `frames` or before the reply. Losses before the
+    /// first frame of a conversation are unknown.
     pub lost: bool,
-    /// How often the request was sent until the reply came.
+    /// Number of times that the request was sent until the reply came.
     pub attempts: u32,
-    /// True if every bead on the line was asked, and something came damaged: replies of several collide.
+    /// True if the request had no address, and damaged bytes came: replies of several beads collide.
     collided: bool,
 }
 
 impl Answer {
-    /// The last of the frames that is wanted.
+    /// The last frame for which `wanted` returns `Some`.
     ///
     /// # Errors
-    /// No frame is wanted: it was lost.
+    /// There is no such frame: it was lost.
     pub fn last<T>(&self, what: &str, wanted: impl Fn(&Frame) -> Option<T>) -> Result<T, LineError> {
         self.frames.iter().rev().find_map(wanted).ok_or_else(|| {
             let next = if self.collided {
@@ -132,7 +133,7 @@ fn refusal(Reply { outcome, detail, .. }: &Reply, address: u8) -> LineError {
     })
 }
 
-/// Signs requests to one bead, each copy with a counter of its own.
+/// Signs requests to one bead, each copy with its own counter.
 pub(crate) struct Signer {
     key: Key,
     uid: [u8; 12],
@@ -182,21 +183,21 @@ impl Conversation {
         self.reader.counters()
     }
 
-    /// Signs what changes the bead's state with this key from now on, or nothing.
+    /// From now on, signs requests that change the bead's state with this key; `None` signs nothing.
     pub fn sign_with(&mut self, key: Option<Key>) {
         self.key = key;
     }
 
-    /// Asks the bead, signed, to do something that changes nothing. True if this key is the bead's.
+    /// Sends a signed request that changes nothing. Returns true if this is the bead's key.
     ///
     /// # Errors
-    /// The port goes away, no reply comes, or the reply leaves it open. So it does if the bead does not have
-    /// the key, and there are others that were not told apart by an address.
+    /// The port goes away, no reply comes, or the reply is inconclusive: a refusal, with several beads on
+    /// the line and no address given.
     pub fn has_key(&mut self, key: &Key) -> Result<bool, LineError> {
         let answer = self.signed(&Request::Identity, key)?;
         match answer.reply.outcome {
             Outcome::Done => Ok(true),
-            // It has another key, or none, or knows of no keys.
+            // The bead has another key or none, or its firmware has no keys.
             Outcome::Forged | Outcome::NoKey | Outcome::Kind | Outcome::Version => {
                 self.is_alone().map(|()| false)
             }
@@ -207,8 +208,8 @@ impl Conversation {
     /// Sends a request and returns the bead's answer, done or refused.
     ///
     /// # Errors
-    /// The port goes away, no reply comes, or the request would change the state of one of several beads that
-    /// were heard, and none was named.
+    /// The port goes away, no reply comes, or the request changes state, several beads are on the line, and
+    /// no address was given.
     pub fn request(&mut self, request: &Request) -> Result<Answer, LineError> {
         match self.key.clone().filter(|_| request.changes_state()) {
             Some(key) => self.signed(request, &key),
@@ -231,7 +232,7 @@ impl Conversation {
         self.ask(request, Some(signer))
     }
 
-    /// A signer of requests, which hold for a time. The bead is asked for what a signature needs.
+    /// A signer of requests that are valid for a time. The bead is asked for what a signature needs.
     pub(crate) fn signer(&mut self, key: &Key, holds: Duration) -> Result<Signer, LineError> {
         let identity = match &self.identity {
             Some(identity) => identity.clone(),
@@ -264,8 +265,8 @@ impl Conversation {
     /// Sends a request until a reply comes, signed if there is a signer.
     fn ask(&mut self, request: &Request, mut signer: Option<Signer>) -> Result<Answer, LineError> {
         let asked = self.asked;
-        // By these a bead may get another address, under which it replies. The number of the request is its
-        // own all the same.
+        // These may give the bead another address, from which it replies. The number still identifies the
+        // request.
         let moves = matches!(request, Request::WriteSettings { .. } | Request::EraseSettings);
         if request.changes_state() && asked == ANY && self.replied.is_some() {
             self.hear(OTHERS, |_| None::<()>)?;
@@ -296,7 +297,7 @@ impl Conversation {
                     self.asked = address;
                 }
                 if moves {
-                    // Its frames under the address before are no other bead's.
+                    // Frames with the previous address are not another bead's.
                     self.evidence.note_alone(address);
                 }
                 frames.retain(|frame| frame.header.address == address);
@@ -316,7 +317,7 @@ impl Conversation {
         Err(self.silence())
     }
 
-    /// Refuses where a bead was to be alone, and frames of several came.
+    /// Returns an error if no address was given and frames of several beads came.
     fn is_alone(&self) -> Result<(), LineError> {
         match self.evidence.several().filter(|_| self.asked == ANY) {
             Some(beads) => Err(LineError::Several(format!(
@@ -356,7 +357,7 @@ impl Conversation {
         number
     }
 
-    /// Sends a copy of a request to the bead that is asked, signed if there is a signer.
+    /// Sends a copy of a request, signed if there is a signer.
     pub(crate) fn send(
         &mut self,
         number: u16,
@@ -378,7 +379,7 @@ impl Conversation {
         said
     }
 
-    /// The bead is reset: what was known of it is old.
+    /// Forgets the bead's identity, which a reset changes.
     pub(crate) fn forget_identity(&mut self) {
         self.identity = None;
     }
@@ -416,7 +417,7 @@ impl Conversation {
         })
     }
 
-    /// Listens to the bead that replied last until `wanted` gives something, or for `patience`.
+    /// Listens to the bead that replied last until `wanted` returns `Some`, or for `patience`.
     ///
     /// # Errors
     /// The port has gone away.
@@ -432,7 +433,7 @@ impl Conversation {
         })
     }
 
-    /// Listens to every bead on the line until `wanted` gives something, or for `patience`.
+    /// Listens to every bead on the line until `wanted` returns `Some`, or for `patience`.
     fn hear<T>(
         &mut self,
         patience: Duration,
@@ -496,7 +497,7 @@ mod tests {
     /// Longer than a busy computer takes.
     const LONG: Duration = Duration::from_secs(20);
 
-    /// Talks with beads on a line. `answer` lets them say what each request gets.
+    /// Lets `talk` converse with beads on a line. `answer` returns their answer to each request.
     fn talk<T>(
         asked: u8,
         patience: Duration,

@@ -9,13 +9,13 @@ use crate::conversation::{Conversation, LineError};
 use bead_recording::assembly::{Assembly, Event};
 use bead_recording::frames::Frame;
 
-/// Most requests for a self-test of which a part is lost on the way.
+/// Greatest number of requests for a self-test while parts of the answer are lost.
 const TESTS: u32 = 5;
-/// Most raw frames that are kept: those of 10 s at four times the sample rate, and less than 20 MB.
+/// Greatest number of raw frames kept: 10 s at four times the sample rate, less than 20 MB.
 const PIECES: usize = 1 << 17;
-/// Number of requests for the list of kept strikes while frames are lost. It is short.
+/// Greatest number of requests for the short list of kept strikes while frames are lost.
 const LISTS: u32 = 20;
-/// Number of requests for a strike whose frames are lost on the way, or while strikes take the line.
+/// Greatest number of requests for a strike whose frames are lost, or while other strikes occupy the line.
 const ATTEMPTS: u32 = 5;
 
 /// A stream of all scans.
@@ -30,15 +30,15 @@ pub struct RawStream {
 }
 
 impl Conversation {
-    /// Lets the bead test itself. One check that was lost on the way may be the one that failed, so all are
-    /// asked for again.
+    /// Runs the bead's self-test. A lost check may be the one that failed, so the whole test is requested
+    /// again.
     ///
     /// # Errors
     /// The bead refuses or does not answer, or a check is lost each time.
     pub fn self_test(&mut self) -> Result<Vec<SelfTest>, LineError> {
         for _ in 0..TESTS {
             let answer = self.request_done(&Request::SelfTest)?;
-            // A copy of the request that was answered late gives each check twice: the last one counts.
+            // A late answer to a first copy of the request repeats each check; the last one counts.
             let checks = answer.frames.iter().filter_map(|frame| match frame.message {
                 Message::SelfTest(test) => Some((test.check.number(), test)),
                 _ => None,
@@ -53,7 +53,7 @@ impl Conversation {
         )))
     }
 
-    /// Lets the bead send every scan for a while.
+    /// Streams every scan of the bead for `duration`.
     ///
     /// # Errors
     /// The bead refuses, does not answer, or does not say that the stream ended.
@@ -105,7 +105,7 @@ impl Conversation {
     /// Lists the strikes that the bead keeps, the oldest first.
     ///
     /// # Errors
-    /// The bead refuses, keeps none ever, or does not answer, or a part is lost each time.
+    /// The bead refuses, keeps no strikes at all, or does not answer, or a part is lost each time.
     pub fn kept(&mut self) -> Result<Vec<Kept>, LineError> {
         for _ in 0..LISTS {
             let answer = self.request(&Request::ListKept)?;
@@ -118,7 +118,7 @@ impl Conversation {
                 }
                 _ => return Err(answer.refusal()),
             }
-            // A copy of the request that was answered late gives the list twice.
+            // A late answer to a first copy of the request repeats the list.
             let mut named = BTreeSet::new();
             let kept = answer.frames.iter().filter_map(|frame| match frame.message {
                 Message::Kept(kept) if named.insert((kept.boot, kept.strike)) => Some(kept),
@@ -131,10 +131,10 @@ impl Conversation {
         )))
     }
 
-    /// Fetches a kept strike. Gives its frames, each at least once.
+    /// Fetches a kept strike. Returns its frames, each at least once.
     ///
     /// # Errors
-    /// The bead refuses, keeps it no more, or does not answer, or a part is lost each time.
+    /// The bead refuses, no longer keeps the strike, or does not answer, or a part is lost each time.
     pub fn fetch(&mut self, kept: &Kept) -> Result<Vec<Frame>, LineError> {
         let (boot, strike) = (kept.boot, kept.strike);
         let mut assembly = Assembly::default();
@@ -171,8 +171,8 @@ impl Conversation {
     }
 }
 
-/// The scans of a raw stream that were sent and dropped from one count to a later one. A bead that started
-/// anew between them counts from zero again.
+/// The scans of a raw stream that were sent and dropped from one count to a later one. A bead that restarts
+/// in between counts from zero again.
 fn counted_since(before: &Link, after: &Link) -> (u64, u64) {
     let since = |now: u64, then: u64| now.checked_sub(then).unwrap_or(now);
     let sent = since(after.raw_sent, before.raw_sent);

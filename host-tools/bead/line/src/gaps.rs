@@ -1,14 +1,14 @@
 //! Lost strikes of a bead, and the requests that fetch them.
 //!
 //! # Design
-//! A bead keeps its last strikes, also over a reset. So a strike whose frames were lost can be fetched, as
-//! long as newer ones have not taken its place. [`Gaps`] takes every frame of one bead and gives the
-//! requests. It gives none while nothing is missing.
+//! A bead keeps its last strikes, even across a reset. So a strike whose frames were lost can be fetched
+//! until newer ones replace it. [`Gaps`] takes every frame of one bead and returns the requests, none while
+//! nothing is missing.
 //!
-//! Strikes are wanted from the first one on of which a frame came, or else from the first status on: those
-//! before were measured before anybody listened. The numbers of the strikes that came, and the count in the
-//! status, show what is missing of this boot. Only the bead knows of boots before: after a reset, and after
-//! the line was gone, it is asked for the list of what it keeps.
+//! Strikes are wanted from the first one with a received frame, or else from the first status: earlier ones
+//! were measured before anybody listened. The numbers of the received strikes, and the count in the status,
+//! show what is missing of this boot. Only the bead knows about earlier boots: after a reset, and after the
+//! line was gone, it is asked for the list of what it keeps.
 //!
 //! [`Assembly`] says which strikes came whole, and which boots begin with a restart.
 
@@ -21,15 +21,14 @@ use crate::conversation::encoded;
 use bead_recording::assembly::{Assembled, Assembly, Event, Restart};
 use bead_recording::frames::Frame;
 
-/// A strike whose frames should have come by now is missing after this time: ten times its frames' time on
-/// the line.
+/// Time after which a strike without all its frames is missing: ten times its frames' time on the line.
 const OVERDUE: Duration = Duration::from_millis(200);
 /// Time-out of a reply.
 const PATIENCE: Duration = Duration::from_secs(1);
 const ATTEMPTS: u32 = 5;
-/// Number of strikes that are asked for at a time. A bead keeps no more.
+/// Number of strikes to ask for at a time. A bead keeps at most as many.
 const WANTED: usize = 64;
-/// Number of lost strikes that are remembered.
+/// Greatest number of lost strikes remembered for a boot.
 const REMEMBERED: usize = 4096;
 
 /// A strike: low byte of the boot, and number in it.
@@ -42,7 +41,7 @@ struct Asked {
     request: Request,
     since: Instant,
     attempts: u32,
-    /// True if frames were lost since.
+    /// True if frames were lost since the request.
     lost: bool,
 }
 
@@ -55,53 +54,52 @@ pub struct Gaps {
     /// The whole number, by the identity.
     boot_number: Option<u32>,
     assembly: Assembly,
-    /// The first strike that is wanted, in the first boot of which a frame came.
+    /// The first wanted strike, in the first boot with a received frame.
     from: Option<StrikeKey>,
     /// Number of strikes of this boot, and of those whose frames should have come.
     count: u32,
     due: u32,
     /// All strikes of this boot below this one came, or are lost.
     settled: u32,
-    /// Counts of strikes, each with the time when it was first known, until they are due.
+    /// Counts of strikes that are not due yet, each with the time when it was first known.
     counts: VecDeque<(u32, Instant)>,
     /// Strikes that the bead does not keep.
     gone: BTreeMap<u8, BTreeSet<u32>>,
     /// Number of strikes that are lost: the bead no longer keeps them, or never measured them.
     pub lost: u64,
-    /// Strikes that are to be fetched, by their whole boot numbers, with the number of times that each was
-    /// sent.
+    /// Strikes to fetch, by whole boot number and number, with the number of times that each was sent.
     wanted: BTreeMap<(u32, u32), u32>,
-    /// True while the list of what the bead keeps is to be asked for.
+    /// True while the list of kept strikes is to be requested.
     list: bool,
-    /// Number of times that it was asked for in vain.
+    /// Number of times that the list was requested in vain.
     lists: u32,
     asked: Option<Asked>,
     next_number: u16,
-    /// No request before this time.
+    /// Time of the next request at the earliest.
     pause_until: Option<Instant>,
     /// Number of strikes that were fetched.
     pub fetched: u64,
 }
 
 impl Gaps {
-    /// Lost strikes of the bead with this address, of which no frame came yet.
+    /// Lost strikes of the bead with this address, before its first frame.
     pub fn new(address: u8) -> Self {
         Self {
             address,
-            // Other programs count from somewhere else.
+            // Other programs start their numbers elsewhere.
             next_number: 0x4000,
             ..Self::default()
         }
     }
 
-    /// Notes that the line was gone and is back: strikes may have been lost of which no frame came.
+    /// Notes that the line was gone and is back: strikes without any received frame may be lost.
     pub fn reconnect(&mut self) {
         self.list = self.from.is_some();
         self.lists = 0;
         self.asked = None;
     }
 
-    /// Takes the next frame of the bead, at this time. Gives the fetched strike whose last frame it is.
+    /// Takes the next frame of the bead, at this time. Returns the fetched strike that it completes.
     pub fn push(&mut self, frame: &Frame, now: Instant) -> Option<Assembled> {
         self.boot = frame.header.boot;
         if let (Some(asked), Arrival::Next { lost: 1.. }) = (&mut self.asked, frame.arrival) {
@@ -156,8 +154,7 @@ impl Gaps {
         self.note_count(number, number.saturating_add(1), now);
     }
 
-    /// Notes that this boot has `count` strikes. If nothing was known of the bead before, they are wanted
-    /// from the number `from` on.
+    /// Notes that this boot has `count` strikes. For an unknown bead, strikes from number `from` are wanted.
     fn note_count(&mut self, from: u32, count: u32, now: Instant) {
         self.from.get_or_insert((self.boot, from));
         if count <= self.count {
@@ -178,7 +175,7 @@ impl Gaps {
         }
     }
 
-    /// Notes that a strike is here, also if it was given up.
+    /// Notes that a strike has arrived, even if it was given up.
     fn find(&mut self, (boot, number): StrikeKey) {
         if let Some(gone) = self.gone.get_mut(&boot) {
             self.lost -= u64::from(gone.remove(&number));
@@ -194,7 +191,7 @@ impl Gaps {
         }
     }
 
-    /// True if a strike belongs into this recording and is not here.
+    /// True if a strike belongs in this recording and has not arrived.
     fn is_wanted(&self, (boot, number): StrikeKey) -> bool {
         let since = self
             .from
@@ -214,7 +211,7 @@ impl Gaps {
         };
         match (asked.request, outcome) {
             (Request::ListKept, Outcome::Done) => {
-                // A strike of the list may be among what was lost.
+                // The lost frames may be part of the list.
                 self.lists += 1;
                 self.list = asked.lost && self.lists < ATTEMPTS;
             }
@@ -230,7 +227,7 @@ impl Gaps {
                 }
             }
             (Request::Fetch { boot, strike }, outcome) => {
-                // Its frames were lost on the way, unless it is wanted no more.
+                // If the strike is still wanted, its frames were lost on the way.
                 let Some(sent) = self.wanted.get_mut(&(boot, strike)) else {
                     return;
                 };
@@ -244,7 +241,7 @@ impl Gaps {
         }
     }
 
-    /// The strikes of this boot whose frames should have come and did not, by its whole number.
+    /// The strikes of this boot that are due and have not arrived, each with the whole boot number.
     fn missing(&mut self) -> Vec<(u32, u32)> {
         let (Some(number), Some((first, from))) = (self.boot_number, self.from) else {
             return Vec::new();
@@ -262,7 +259,7 @@ impl Gaps {
         missing
     }
 
-    /// The bytes of the next request, if one is due. To be called often.
+    /// The bytes of the next request, if one is due. Call this often.
     pub fn next(&mut self, now: Instant) -> Option<Vec<u8>> {
         if self.pause_until.is_some_and(|until| now < until) {
             return None;
@@ -276,7 +273,7 @@ impl Gaps {
                 (asked.since, asked.attempts) = (now, asked.attempts + 1);
                 return Some(encoded(self.address, asked.number, &asked.request));
             }
-            // It does not answer. What it is asked for stays wanted.
+            // The bead does not answer. The requested strike stays wanted.
             self.asked = None;
             self.pause_until = Some(now + 10 * PATIENCE);
             return None;
@@ -320,7 +317,7 @@ mod tests {
     }
 
     impl FakeBead {
-        /// It begins with this boot, and with no strike.
+        /// A bead that begins with this boot and without strikes.
         fn new(boot: u8) -> Self {
             let mut bead = Self {
                 gaps: Gaps::new(0),
@@ -371,7 +368,7 @@ mod tests {
             Some((asked.number, asked.request.expect("a known one")))
         }
 
-        /// The requests of a bead that says what it keeps and has nothing of it, until there is none.
+        /// All requests to a bead that lists its kept strikes and then refuses each.
         fn refuses(&mut self, boot: u8) -> Vec<Request> {
             let mut asked = Vec::new();
             while let Some((request, what)) = self.asked() {

@@ -1,6 +1,6 @@
 //! The file with the key of a bead.
 //!
-//! One line of 32 hexadecimal digits, for its owner's eyes only.
+//! One line of 32 hexadecimal digits, readable only by its owner.
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, Read, Write};
@@ -10,10 +10,10 @@ use std::path::Path;
 use bead_wire::{KEY, Key};
 use rand::TryRng;
 
-/// Bytes that are read of a file: more than a key has.
+/// Greatest number of bytes read from a file, more than a key has.
 const LONGEST: u64 = 256;
 
-/// A key cannot be read or kept. The message is one line: what, why, what next.
+/// A key cannot be read or stored. The message is one line: what, why, what next.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub struct KeyError(String);
@@ -25,7 +25,7 @@ pub struct KeyError(String);
 pub fn read(path: &Path) -> Result<Key, KeyError> {
     let shown = path.display();
     let mut bytes = Vec::new();
-    // A key and some blanks; a longer file holds none, and is not read to its end.
+    // A key and some blanks. A longer file holds no key and is not read to its end.
     File::open(path)
         .and_then(|file| file.take(LONGEST).read_to_end(&mut bytes))
         .map_err(|source| KeyError(format!("cannot read the key in {shown}: {source}")))?;
@@ -44,7 +44,7 @@ fn parse(digits: &str) -> Option<Key> {
     Key::new(number.to_be_bytes())
 }
 
-/// Makes a key of the system's randomness and keeps it in a new file that only its owner can read.
+/// Makes a key from the system's randomness and stores it in a new file that only its owner can read.
 ///
 /// # Errors
 /// The file is there already, or cannot be written.

@@ -36,7 +36,7 @@ fn of_strike(frame: &Frame, strike: &Strike) -> String {
 }
 
 fn of_fault(fault: &Fault) -> String {
-    // With a line end in it, a bead could print what looks like a strike.
+    // A line end in the text would let a bead print what looks like a strike.
     let detail = one_line(fault.detail.as_str());
     let separator = if detail.is_empty() { "" } else { ", " };
     format!("fault in boot {}: {}{separator}{detail}", fault.boot, fault.cause)
@@ -47,7 +47,7 @@ fn losses(counters: &Counters) -> String {
     format!("{lost} lost, {corrupt} corrupt, {restarts} restarts")
 }
 
-/// A line for a port of several: its bead, and what was lost there.
+/// A line for one of several ports: its bead, and its losses.
 impl fmt::Display for RecordedPort {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { address, strikes, .. } = self;

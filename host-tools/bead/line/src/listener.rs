@@ -13,8 +13,7 @@ use crate::port::{Address, Port};
 const RETRY: Duration = Duration::from_millis(200);
 /// Greatest number of bytes that are read at a time.
 const BLOCK: usize = 4096;
-/// Greatest number of pieces of bytes that wait for the disk: a quarter of a minute of a serial line, and at
-/// most 64 MB.
+/// Greatest number of pieces of bytes that wait for the disk: 15 s of a serial line, at most 64 MB.
 pub(crate) const QUEUE: usize = 1 << 14;
 
 /// Bytes of a port on their way to the recorder.
@@ -22,18 +21,18 @@ pub(crate) struct PortBytes {
     pub(crate) source: usize,
     /// Receive time of the last of the bytes.
     pub(crate) received: Instant,
-    /// Empty when the port is back after it was away.
+    /// Received bytes; empty when a port that was away is back.
     pub(crate) bytes: Vec<u8>,
 }
 
 /// State that all listeners of a recording share.
 pub(crate) struct Shared<'a> {
-    /// The listeners end when it is true.
+    /// True to end the listeners.
     pub(crate) stop: &'a AtomicBool,
-    /// The listeners end at this time.
+    /// Time at which the listeners end.
     pub(crate) deadline: Option<Instant>,
-    /// Time for which every port may be away before the listeners give up. If it is 0, all end when one goes
-    /// away.
+    /// Time for which every port may be away before the listeners give up. With 0, all end when one port
+    /// goes away.
     pub(crate) wait: Duration,
     /// Time when a port was last there.
     pub(crate) alive: Mutex<Instant>,
@@ -57,9 +56,9 @@ impl Shared<'_> {
 /// End of listening to a port.
 #[derive(Debug)]
 pub enum End {
-    /// The listener was stopped. All that came was read.
+    /// The listener was stopped, after it had read everything.
     Stopped,
-    /// The listener was stopped. The port had gone away for this reason, and nothing had come since.
+    /// The listener was stopped. The port had gone away for this reason, without bytes since.
     Away(io::Error),
     /// The port went away for this reason, and did not come back.
     Gone(io::Error),
@@ -71,25 +70,26 @@ pub(crate) struct Listener<'a> {
     pub(crate) address: &'a Address,
     /// Bits a second of a serial port.
     pub(crate) baud: u32,
-    /// Takes the bytes. While it is full, the listener waits: the sender at the other end of a socket then
-    /// waits too, and a serial line loses bytes, which shows in its frames.
+    /// Queue of the bytes. While it is full, the listener waits: then the sender at the other end of a
+    /// socket waits, too; a serial line loses bytes, which shows in its frames.
     pub(crate) bytes: SyncSender<PortBytes>,
     pub(crate) requests: Receiver<Vec<u8>>,
     pub(crate) shared: &'a Shared<'a>,
 }
 
 impl Listener<'_> {
-    /// Reads the port until it is stopped, at least once. A port that goes away is opened again. `note` takes
-    /// a line when it goes, and one when bytes come again; an empty piece in the queue stands before those.
+    /// Reads the port until it is stopped, at least once. A port that goes away is opened again. `note`
+    /// takes a line when the port goes away, and another when bytes come again, after an empty piece in the
+    /// queue.
     pub(crate) fn listen(&self, mut port: Port, note: impl Fn(String)) -> End {
         let Self { address, shared, .. } = self;
-        // Why the port went away, until bytes come again.
+        // Reason why the port went away, until bytes come again.
         let mut away = None;
         loop {
             let Err(reason) = self.read(&mut port, &mut away, &note) else {
                 return away.map_or(End::Stopped, End::Away);
             };
-            // Another program could not open it either.
+            // An open port would stay locked, even against a new attempt to open it.
             drop(port);
             if shared.wait.is_zero() {
                 shared.stop.store(true, Ordering::Relaxed);
@@ -118,7 +118,7 @@ impl Listener<'_> {
     fn reopen(&self) -> Option<Port> {
         loop {
             thread::sleep(RETRY);
-            // Requests of meanwhile do not reach the bead.
+            // Discard requests while the port is away.
             self.requests.try_iter().for_each(drop);
             let opened = self.open();
             if self.shared.is_over() {
@@ -133,12 +133,12 @@ impl Listener<'_> {
         }
     }
 
-    /// Opens the port, on a thread of its own: a name or a server may keep it waiting much longer than a
-    /// recording has that is to end.
+    /// Opens the port on a separate thread: a name or a server may take long, and a recording must be able
+    /// to end.
     fn open(&self) -> Option<Port> {
         let (done, opened) = mpsc::channel();
         let (address, baud) = (self.address.clone(), self.baud);
-        // It is closed if nobody waits for it any more.
+        // If nobody waits any longer, this closes the port.
         let open = move || drop(done.send(address.open(baud)));
         thread::Builder::new().spawn(open).ok()?;
         loop {
@@ -153,13 +153,13 @@ impl Listener<'_> {
         }
     }
 
-    /// Reads until the listener is stopped. With the first bytes the port is `away` no more.
+    /// Reads until the listener is stopped. The first bytes clear `away`.
     fn read(&self, port: &mut Port, away: &mut Option<io::Error>, note: &impl Fn(String)) -> io::Result<()> {
         let opened = Instant::now();
         let mut buffer = vec![0; BLOCK];
         loop {
             let length = port.read(&mut buffer)?;
-            // The time is taken here and not at the writer, where the disk would delay it.
+            // Take the time here: at the writer, the disk would delay it.
             let received = Instant::now();
             let hand_on = |bytes: &[u8]| {
                 let (source, bytes) = (self.source, bytes.to_vec());
@@ -176,7 +176,8 @@ impl Listener<'_> {
                     return Ok(());
                 }
             }
-            // A server may take every connection and soon close it without a byte. That does not count.
+            // A server may accept every connection and soon close it without a byte. That does not count as
+            // alive.
             if away.is_none() || opened.elapsed() >= self.shared.wait {
                 self.shared.note_alive();
             }
@@ -185,7 +186,7 @@ impl Listener<'_> {
                 return Ok(());
             }
             for request in self.requests.try_iter() {
-                // If the port has gone away, reading says so, when all that came is read.
+                // If the port has gone away, a read reports it after all bytes.
                 let _ = port.write(&request);
             }
         }

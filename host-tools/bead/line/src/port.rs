@@ -14,7 +14,7 @@ use serialport::{ErrorKind, Parity, SerialPort, SerialPortInfo, SerialPortType};
 const PATIENCE: Duration = Duration::from_millis(100);
 const CONNECT: Duration = Duration::from_secs(5);
 
-/// Reason of a port that has gone away.
+/// Reason why a port has gone away.
 const GONE: &str = "unplugged, or closed at the other end";
 
 /// Address of a port, as `--port` names it.
@@ -22,9 +22,9 @@ const GONE: &str = "unplugged, or closed at the other end";
 pub enum Address {
     /// A serial port or pseudo-terminal, by its path.
     Serial(String),
-    /// `tcp:HOST:PORT`, where a server has the bead's line.
+    /// `tcp:HOST:PORT`, where a server offers the bead's line.
     Tcp(String),
-    /// `unix:PATH`, a socket where a server has it.
+    /// `unix:PATH`, a socket where a server offers the bead's line.
     Unix(PathBuf),
 }
 
@@ -67,7 +67,7 @@ impl fmt::Display for Address {
 pub struct PortError(String);
 
 fn ports() -> Vec<SerialPortInfo> {
-    // In a container whose kernel shows no terminals serialport would panic.
+    // In a container whose kernel shows no terminals, serialport would panic.
     if cfg!(target_os = "linux") && !Path::new("/sys/class/tty").is_dir() {
         return Vec::new();
     }
@@ -76,7 +76,7 @@ fn ports() -> Vec<SerialPortInfo> {
     ports
 }
 
-/// The serial ports of this computer that an adapter may be at: those at USB, if there are any.
+/// The serial ports of this computer that may be adapters: those on USB, if there are any.
 fn all_serial() -> Vec<Address> {
     let ports = ports();
     let is_usb = |port: &SerialPortInfo| matches!(port.port_type, SerialPortType::UsbPort(_));
@@ -101,8 +101,8 @@ fn advice() -> String {
     format!("serial ports here: {}", names.join(", "))
 }
 
-/// Opens ports, `None` being every serial port here. A port that is named twice is opened once. Of several,
-/// those that do not open are left out. `note` takes a line about each of these.
+/// Opens ports; `None` stands for every serial port of this computer. A port that is named twice is opened
+/// once. Of several ports, those that do not open are left out, with a line to `note` for each.
 ///
 /// # Errors
 /// No port opens.
@@ -174,7 +174,7 @@ impl Address {
         Ok(Port { line })
     }
 
-    /// Returns `true` if both are one port: a serial port may have several names.
+    /// Returns `true` if both name the same port: a serial port may have several names.
     pub fn is_same(&self, other: &Self) -> bool {
         let file = |path: &Path| path.canonicalize().unwrap_or_else(|_| path.to_owned());
         match (self, other) {
@@ -186,7 +186,7 @@ impl Address {
 }
 
 fn open_serial(path: &str, baud: u32, parity: Parity) -> Result<serialport::TTYPort, PortError> {
-    // 8 data bits, 1 stop bit, no flow control are what serialport begins with.
+    // 8 data bits, 1 stop bit and no flow control are serialport's defaults.
     let port = serialport::new(path, baud).parity(parity).timeout(PATIENCE);
     let opened = port.open_native();
     let port = opened.map_err(|error| {

@@ -29,7 +29,7 @@ use bead_tables::whole::Target;
 
 /// Interval of the search for strikes to ask a bead for.
 const ASK_EVERY: Duration = Duration::from_millis(50);
-/// Greatest number of bytes that are kept of a port from which no frame has come yet.
+/// Greatest number of bytes kept from a port without a frame yet.
 const UNKNOWN_MOST: usize = 64 << 10;
 
 /// Options of a recording.
@@ -39,15 +39,15 @@ pub struct RecorderOptions {
     pub baud: u32,
     /// Time after which the recording ends.
     pub duration: Option<Duration>,
-    /// Time after which it goes on in another file.
+    /// Time after which the recording goes on in another file.
     pub split: Duration,
-    /// Time for which all ports may be away. With 0 it ends when one goes away.
+    /// Time for which all ports may be away. With 0, the recording ends when one goes away.
     pub wait: Duration,
     /// True if beads are asked for lost strikes.
     pub fetch: bool,
 }
 
-/// An order to a recording that runs.
+/// An order to a running recording.
 #[derive(Clone, Debug)]
 pub enum RecorderOrder {
     /// Write this note into the recording.
@@ -61,7 +61,7 @@ pub enum RecorderOrder {
     },
 }
 
-/// Watches a recording while it runs. It must not wait: the recording would.
+/// Observes a running recording. Its methods must not block: the recording would wait.
 pub trait RecorderObserver {
     /// Takes every frame and every reject, with the index of its port.
     fn item(&mut self, _source: usize, _item: &Item) {}
@@ -86,7 +86,7 @@ pub struct RecordedPort {
     pub bead: Option<u8>,
     /// Number of strikes.
     pub strikes: u64,
-    /// Counts of frames. `None` if the port was not recorded, as its bead has the address of another.
+    /// Counts of frames. `None` if the port was not recorded because another bead has the same address.
     pub counters: Option<Counters>,
     /// End of listening to it.
     pub end: End,
@@ -130,9 +130,9 @@ struct RecordedSource {
     /// Bytes that came before its bead was known, each piece with its receive time.
     before: VecDeque<(u64, Vec<u8>)>,
     before_bytes: usize,
-    /// Looks for a frame in them.
+    /// Looks for a frame in the bytes.
     reader: FrameReader,
-    /// True if its bead has the address of another.
+    /// True if another bead has the same address.
     is_refused: bool,
     bead: Option<u8>,
     strikes: u64,
@@ -179,7 +179,7 @@ pub struct Recorder<'a> {
     /// The time of `opened` in ns since 1970.
     opened_ns: u64,
     strikes: u64,
-    /// By port and address.
+    /// Lost strikes by port and address.
     gaps: BTreeMap<(usize, u8), Gaps>,
     from_the_future: Option<String>,
     orders: Option<Receiver<RecorderOrder>>,
@@ -202,8 +202,8 @@ impl<'a> Recorder<'a> {
         note: &'a (dyn Fn(String) + Sync),
     ) -> Result<Self, RecordingError> {
         let opened = Instant::now();
-        // From here on the monotonic clock counts, so that a step of the host's time is not taken for the
-        // bead's drift.
+        // From here on only the monotonic clock counts, so that a step of the host's time does not look like
+        // drift of the bead.
         let opened_ns = SystemTime::now()
             .duration_since(UNIX_EPOCH)
             .map_or(0, |since| since.as_nanos() as u64);
@@ -359,7 +359,7 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    /// Does what was ordered since the last time.
+    /// Carries out the orders since the last call.
     fn obey(&mut self, requests: &[Sender<Vec<u8>>]) -> Result<(), RecordingError> {
         for order in self.orders.iter().flat_map(Receiver::try_iter) {
             match order {
@@ -473,7 +473,7 @@ fn as_measured(frame: &Frame, fetched: &Assembled) -> Frame {
     }
 }
 
-/// Stops the listeners at the end of a block, also of one that panics: their threads are waited for.
+/// Stops the listeners at the end of a block, even if the block panics: the scope waits for their threads.
 struct StopAtEnd<'a>(&'a AtomicBool);
 
 impl Drop for StopAtEnd<'_> {

@@ -1,11 +1,12 @@
-//! The loader in the part's ROM, over its serial line: ST's protocol AN3155, as far as flashing needs it.
+//! The loader in the part's ROM, over its serial line: the subset of ST's protocol AN3155 that flashing
+//! needs.
 //!
 //! # Design
 //! The loader measures the bit rate on a first byte, 0x7F, and then takes commands. A command is a byte
 //! and its complement; addresses and data follow with a checksum each, and each part is answered with
-//! ACK or NACK. A part that is refused is sent again, since a line
-//! may flip a bit: what a write did before is harmless, as the same bytes are written again. After
-//! silence nothing is sent again: the loader may wait for any byte then, and take it for another one.
+//! ACK or NACK. A refused command is sent again, since a line may flip a bit; that is harmless, as a
+//! repeated write writes the same bytes. After silence nothing is sent again: the loader may be waiting for
+//! any byte, and would take it for another one.
 
 use std::fmt;
 use std::time::{Duration, Instant};
@@ -25,7 +26,7 @@ const NACK: u8 = 0x1f;
 const PATIENCE: Duration = Duration::from_secs(3);
 /// Time for the erase of a sector: 4 s at most of 128 KiB (DocID022152, flash memory characteristics).
 const ERASE: Duration = Duration::from_secs(6);
-/// Times that a command is sent.
+/// Number of times that a command is sent.
 const TRIES: usize = 3;
 
 /// A command of the loader (AN3155 table 2).
@@ -50,7 +51,7 @@ impl fmt::Display for Command {
     }
 }
 
-/// The loader does not do what it should. The message is one line: what, why, what next.
+/// Error of the loader or its line. The message is one line: what, why, what next.
 #[derive(Debug, thiserror::Error)]
 pub enum RomError {
     /// The port does not open.
@@ -68,8 +69,8 @@ pub enum RomError {
          to 3.3 V, reset the board, and try again"
     )]
     Stranger(u8),
-    /// The loader refuses a command before it has seen more of it: so it does to all that touch the flash
-    /// of a locked part.
+    /// The loader refuses a command at its first bytes, as it does all that touch the flash of a locked
+    /// part.
     #[error(
         "the loader refuses {0}: the part is locked (read protection); unlocking it erases all of its flash, with \
          settings and strikes: `STM32_Programmer_CLI -c port=SWD -rdu`"
@@ -80,7 +81,7 @@ pub enum RomError {
         "the loader refuses {0} at {1:#010x}, three times: the line flips bits, or there is no such memory"
     )]
     Refused(String, u32),
-    /// The loader was there, and says nothing more.
+    /// The loader has answered before, and now is silent.
     #[error(
         "the line was cut, or the loader has stopped, in {0} at {1:#010x}: see to the wires, reset the board with BOOT0 at \
          3.3 V, and run the same command again"
@@ -109,8 +110,8 @@ impl RomLoader {
         };
         // Bytes from before the port was opened are no answer.
         loader.settle()?;
-        // A loader that knows the rate already takes the first byte for a command, waits for its
-        // complement, and refuses the second.
+        // A loader that already knows the rate takes the first byte for a command, waits for its complement,
+        // and refuses the second.
         for _ in 0..2 {
             loader.send(&[INIT])?;
             if loader.answer(Duration::from_secs(1))?.is_some() {
@@ -165,18 +166,19 @@ impl RomLoader {
         })
     }
 
-    /// Erases a sector, whose first address is for messages.
+    /// Erases a sector. Its first address is for messages.
     ///
     /// # Errors
     /// [`RomError`].
     pub fn erase(&mut self, sector: u8, address: u32) -> Result<(), RomError> {
         self.again(Command::ExtendedErase, address, |loader| {
-            // One less than the number of sectors, and the sector, 16 bits each.
+            // The number of sectors less one, and the sector, 16 bits each.
             loader.checked(&[0, 0, 0, sector], ERASE, Command::ExtendedErase, address)
         })
     }
 
-    /// Starts what lies at an address: its stack pointer, and the address of its first instruction.
+    /// Starts the program at an address, which holds its stack pointer and the address of its first
+    /// instruction.
     ///
     /// # Errors
     /// [`RomError`].
@@ -184,7 +186,7 @@ impl RomLoader {
         self.again(Command::Go, address, |loader| loader.address(address))
     }
 
-    /// Sends a command and what follows, until the loader takes all of it.
+    /// Sends a command and `rest` again until the loader accepts all of it.
     fn again(
         &mut self,
         command: Command,
@@ -231,10 +233,10 @@ impl RomLoader {
         answer.ok_or_else(|| RomError::Cut(what.to_string(), at))
     }
 
-    /// Waits for a quiet line: the loader refuses what it has left of a part that it took for a shorter one.
+    /// Waits for a quiet line: the loader refuses the rest of a part that it took for a shorter one.
     fn settle(&mut self) -> Result<(), RomError> {
         let (mut rest, started) = ([0; MOST], Instant::now());
-        // A line that is never quiet is told by the next answer.
+        // If the line is never quiet, the next answer fails.
         while started.elapsed() < PATIENCE && self.port.read(&mut rest).map_err(RomError::Gone)? > 0 {}
         Ok(())
     }
@@ -262,7 +264,7 @@ impl RomLoader {
         Err(RomError::Cut(command.to_string(), address))
     }
 
-    /// Reads bytes until all are there or none has come for so long; gives their number.
+    /// Reads bytes until all have come or none has come for `time`. Returns their number.
     fn receive_within(&mut self, bytes: &mut [u8], time: Duration) -> Result<usize, RomError> {
         let (mut received, mut last) = (0, Instant::now());
         while received < bytes.len() && last.elapsed() < time {
@@ -276,10 +278,10 @@ impl RomLoader {
     }
 }
 
-/// The number of bytes, as the loader counts them: one less.
+/// The number of bytes less one, as the loader expects it.
 ///
 /// # Panics
-/// If there are none, or more than [`MOST`].
+/// There are no bytes, or more than [`MOST`].
 fn count(bytes: &[u8]) -> u8 {
     assert!((1..=MOST).contains(&bytes.len()), "a command has 1 to 256 bytes");
     (bytes.len() - 1) as u8

@@ -1,4 +1,4 @@
-//! The reason why a request gets no reply, from what else comes on the line.
+//! The reason why a request gets no reply, from the other frames on the line.
 
 use std::collections::BTreeSet;
 use std::fmt::Write;
@@ -22,7 +22,7 @@ pub(super) struct Evidence {
 }
 
 impl Evidence {
-    /// Begins with another request. The addresses stay.
+    /// Discards the evidence for a new request, except the addresses.
     pub(super) fn begin(&mut self) {
         *self = Self {
             beads: std::mem::take(&mut self.beads),
@@ -44,7 +44,7 @@ impl Evidence {
         beads.join(", ")
     }
 
-    /// Takes a frame. `asked` is the address of the bead that is asked, or [`ANY`].
+    /// Takes a frame. `asked` is the address of the request, or [`ANY`].
     pub(super) fn note(&mut self, frame: &Frame, asked: u8) {
         self.beads.insert(frame.header.address);
         if asked != ANY && asked != frame.header.address {
@@ -55,7 +55,7 @@ impl Evidence {
             .replace(frame.header.boot)
             .is_some_and(|boot| boot != frame.header.boot)
         {
-            // Its counts begin at 0 again.
+            // After a restart, the bead's counts begin at 0 again.
             *self = Self {
                 beads: std::mem::take(&mut self.beads),
                 boot: self.boot,

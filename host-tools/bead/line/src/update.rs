@@ -1,12 +1,12 @@
-//! Another image over the line.
+//! Update of a bead's image over the line.
 //!
 //! # Design
 //! A bead that measures judges the manifest and resets; a bead that waits for an image makes room, takes it
 //! piece by piece, compares it and resets. Its loader swaps the images, the new one checks itself, and one
-//! more reset ends the update. So the host asks until the bead says that its image is settled, or that the
-//! one before came back.
+//! more reset ends the update. So the host polls until the bead reports that its image is settled, or that
+//! the previous one came back.
 //!
-//! Every request may be repeated, and so may the whole update: whatever was cut, it is run again.
+//! Every request may be repeated, and so may the whole update: after any interruption, run it again.
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
@@ -16,11 +16,12 @@ use bead_wire::{Board, Identity, MAX_PIECE, Manifest, Message, Outcome, Piece, R
 
 use crate::conversation::{Answer, Conversation, LineError, Signer};
 
-/// A bead makes room in four seconds at most, and checks an image in less.
+/// Time-out of a bead that makes room, which takes four seconds at most, or checks an image, which takes
+/// less.
 const WORKS: Duration = Duration::from_secs(10);
-/// A bead that swaps images is silent for ten seconds, some 25 at most. Then it is on trial, for two.
+/// Time-out of a swap and trial: the bead is silent for ten seconds, some 25 at most, then on trial for two.
 const SWAPS: Duration = Duration::from_secs(60);
-/// Pieces that are on their way at once. The bead keeps 1 KiB of what comes.
+/// Number of pieces in flight. The bead buffers 1 KiB.
 const WINDOW: usize = 2;
 /// Number of times that a piece is sent before the bead counts as silent.
 const ATTEMPTS: u32 = 5;
@@ -30,14 +31,14 @@ const ATTEMPTS: u32 = 5;
 pub struct BeadImage {
     /// Version and commit.
     pub identity: Identity,
-    /// The board; `None` for an image that does not say it.
+    /// The board; `None` for an image that does not report it.
     pub board: Option<Board>,
-    /// The stage of an update that it is in.
+    /// Stage of its update.
     pub stage: UpdateStage,
 }
 
 impl Conversation {
-    /// Asks what runs.
+    /// Requests the running image.
     ///
     /// # Errors
     /// The port goes away, or no whole answer comes.
@@ -62,7 +63,7 @@ impl Conversation {
     }
 
     /// Sends an image to the bead, and waits until it has settled. `older` lets the bead go back to an older
-    /// one. `progress` gets the part of the bytes that have arrived. Gives what ran before and what runs
+    /// one. `progress` takes the part of the bytes that have arrived. Returns the image before and the image
     /// now.
     ///
     /// # Errors
@@ -88,12 +89,12 @@ impl Conversation {
         Ok([before, after])
     }
 
-    /// Brings the bead to wait for this image, with room for it.
+    /// Makes the bead wait for this image, with room for it.
     fn begin_update(&mut self, file: &UpdateFile, older: bool) -> Result<(), LineError> {
         let manifest = Manifest::try_from(&file.manifest[..]);
         let manifest = manifest.map_err(|error| LineError::Failed(error.to_string()))?;
         let request = Request::BeginUpdate { manifest, older };
-        // The first resets a bead that measures; another one, if its reply was lost.
+        // The first request resets a bead that measures; so does a second one if the first reply was lost.
         for _ in 0..3 {
             let waits = self.image()?.stage == UpdateStage::Receiving;
             let answer = self.with_patience(WORKS, |bead| bead.request(&request))?;
@@ -159,15 +160,15 @@ impl Conversation {
                     progress(arrived as f64 / all as f64);
                     continue;
                 }
-                // One that overtook another, or that a slow line made late.
+                // A piece that overtook another, or was late on a slow line.
                 Some(reply) if matches!(reply.outcome, Outcome::Replayed | Outcome::Late) => {
                     signer = self.piece_signer()?;
                 }
                 Some(reply) => return Err(self.refused(&reply)),
                 None => {}
             }
-            // The bead does one request at a time: if the oldest has no reply, it or its reply is lost. It is
-            // sent again under its number, so that a reply that is only late counts.
+            // The bead does one request at a time: if the oldest has no reply, it or its reply is lost. The
+            // request is sent again under the same number, so that a late reply counts.
             if piece.attempts == ATTEMPTS {
                 return Err(self.broken_off(arrived, all));
             }
@@ -185,7 +186,7 @@ impl Conversation {
         ))
     }
 
-    /// Waits until the image that runs is settled or was taken back.
+    /// Waits until the running image is settled or was replaced by the previous one.
     fn settled(&mut self) -> Result<BeadImage, LineError> {
         let deadline = Instant::now() + SWAPS;
         self.forget_identity();
@@ -205,7 +206,7 @@ impl Conversation {
                         SWAPS.as_secs()
                     )));
                 }
-                // It swaps.
+                // The bead is swapping images.
                 Err(LineError::Failed(_)) => {}
                 Err(error) => return Err(error),
             }
@@ -247,7 +248,7 @@ impl Conversation {
 
     /// A signer of many requests, one after the other; `None` without a key.
     fn piece_signer(&mut self) -> Result<Option<Signer>, LineError> {
-        /// Time for which a signed piece holds.
+        /// Validity of a signed piece.
         const HOLDS: Duration = Duration::from_secs(600);
         let Some(key) = self.key() else { return Ok(None) };
         self.forget_identity();
@@ -260,7 +261,7 @@ struct SentPiece {
     request: Request,
     number: u16,
     attempts: u32,
-    /// When it was sent last.
+    /// Time of the last attempt.
     at: Instant,
 }
 

@@ -2,18 +2,18 @@
 //!
 //! # Design
 //! ISO 7870-2: the centre is the mean of the values of a base, and the limits are three standard deviations
-//! beside it, which the mean moving range of two values tells: MR/d₂ with d₂ = 2/√π. A slow drift widens
-//! these limits less than it widens the scatter of all values, so the chart shows it. Of values in control
-//! 0.27 % are beyond the limits, if they are normal and the base is long.
+//! to either side, estimated from the mean moving range of two values: MR/d₂ with d₂ = 2/√π. A slow drift
+//! widens these limits less than it widens the scatter of all values, so the chart shows it. Of the values
+//! in control, 0.27 % are beyond the limits, if they are normal and the base is long.
 
 use std::f64::consts::PI;
 
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// Values of a base at least: with fewer the limits say next to nothing.
+/// Least number of values of a base: with fewer, the limits say next to nothing.
 pub const BASE_LEAST: usize = 5;
-/// Values of a base from which on its limits are as good as the standard asks.
+/// Number of values that a base needs for limits as good as the standard asks.
 pub const BASE_GOOD: usize = 20;
 /// Limits are this many standard deviations from the centre.
 pub const SIGMAS: f64 = 3.0;
@@ -89,7 +89,7 @@ mod tests {
         assert!(limits.is_beyond(50.0));
         assert_eq!(ControlLimits::of(&values, Some(4)), None);
         assert_eq!(ControlLimits::of(&values, Some(9)).unwrap().base, 6);
-        // Equal values have no range, and rounding is none.
+        // Equal values have no range, and rounding does not count as one.
         let same = ControlLimits::of(&[0.1; 7], None).unwrap();
         assert!(!same.is_beyond(0.1) && same.is_beyond(0.1001));
     }

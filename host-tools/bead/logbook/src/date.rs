@@ -47,7 +47,7 @@ pub struct RecordingDate {
     pub source: DateSource,
 }
 
-/// The date of a recording, as far as it is known.
+/// The possible sources of a recording's date, where they are known.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct DateFacts<'a> {
     /// The note `date`.

@@ -1,11 +1,11 @@
 //! The recordings of a folder, from its table where that is as new as they are.
 //!
 //! # Design
-//! The table [`TABLE`] lies in the folder. A recording whose length and time of change are those in the table
-//! is taken from there, and every other is read again; then the table is written anew. So it may be deleted,
-//! damaged or left behind at any time: nothing is lost, and nothing that it holds is old. A file that was
-//! changed within `UNSETTLED` before it was read counts as changed next time, since a second change could
-//! have the same time.
+//! The table [`TABLE`] is in the folder. A recording whose length and time of change are those in the table
+//! is taken from there, and every other is read again; then the table is written anew. The table may
+//! therefore be deleted, damaged or outdated at any time: nothing is lost, and no outdated row is used. A
+//! file that was changed within `UNSETTLED` before it was read counts as changed next time, since a second
+//! change could have the same time.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -22,7 +22,7 @@ use crate::table;
 
 /// Name of the table in its folder.
 pub const TABLE: &str = "bead-logbook.parquet";
-/// Coarsest steps of a file system's times, of FAT.
+/// Coarsest resolution of a file system's times, that of FAT.
 const UNSETTLED: Duration = Duration::from_secs(2);
 /// Ends of the names of recordings, finished or not.
 const ENDINGS: [&str; 2] = [".mcap", ".mcap.partial"];
@@ -30,7 +30,7 @@ const ENDINGS: [&str; 2] = [".mcap", ".mcap.partial"];
 const COMPANIONS: [&str; 12] = [
     "settings", "toml", "parquet", "csv", "html", "svg", "json", "xml", "key", "md", "uff", "png",
 ];
-/// Files of other kinds that are named.
+/// Greatest number of files of other kinds that a remark names.
 const NAMED_MOST: usize = 5;
 
 /// A folder cannot be read.
@@ -68,8 +68,8 @@ impl Logbook {
     /// that were read so far, and of those that are to be read.
     ///
     /// # Errors
-    /// The folder cannot be read. A file that cannot be read, a table that cannot be used, and one that
-    /// cannot be written cost a remark.
+    /// The folder cannot be read. A file that cannot be read, and a table that cannot be used or written,
+    /// only add a remark.
     pub fn open(
         folder: &Path,
         with_table: bool,
@@ -134,7 +134,7 @@ impl Logbook {
         })
     }
 
-    /// The files that have the name of a recording and are none, each with the reason.
+    /// The files that have the name of a recording without being one, each with the reason.
     pub fn problems(&self) -> impl Iterator<Item = (&str, &str)> {
         let problem = |one: &'_ LoggedRecording| one.problem.is_some();
         let foreign = self.recordings.iter().filter(move |one| problem(one));
@@ -142,13 +142,13 @@ impl Logbook {
     }
 }
 
-/// True if a file begins as a Parquet file or has nothing in it: what is left of a table.
+/// True if a file begins as a Parquet file or is empty, as the remains of a table are.
 fn is_damaged(path: &Path) -> bool {
     let head = fs::read(path).unwrap_or_default();
     head.is_empty() || (head.starts_with(b"PAR1") && !head.ends_with(b"PAR1"))
 }
 
-/// The recordings that the table has as they are, and the files that are to be read.
+/// The recordings that are unchanged since the table, and the files that are to be read.
 fn sorted_out(
     files: Vec<FoundFile>,
     known: &mut BTreeMap<String, LoggedRecording>,
@@ -167,8 +167,8 @@ fn sorted_out(
     (same, stale)
 }
 
-/// The files of a folder that have the name of a recording. Files of kinds that no command of this program
-/// leaves are named in a remark.
+/// The files of a folder that have the name of a recording. A remark names files of kinds that no command
+/// of this program writes.
 fn found(folder: &Path, remarks: &mut Vec<String>) -> io::Result<Vec<FoundFile>> {
     let (mut files, mut others) = (Vec::new(), BTreeSet::new());
     for entry in fs::read_dir(folder)? {

@@ -2,7 +2,7 @@
 //!
 //! # Design
 //! [`recording`] holds the facts of one recording and reads them from its file. [`index`] keeps those of a
-//! folder in one table, which is made anew where a file has changed: a fact in the table stands in a
+//! folder in one table, which is made anew where a file has changed: every fact in the table is in a
 //! recording too. [`filter`] chooses, [`control`] computes limits, [`trend`] puts both together, and
 //! [`picture`] draws it.
 

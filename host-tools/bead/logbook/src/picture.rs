@@ -24,7 +24,7 @@ pub fn chart(beads: &[BeadTrend]) -> Chart {
         .fold((f64::INFINITY, 0.0), |(low, high): (f64, f64), at| {
             (low.min(at), high.max(at))
         });
-    // Points at the ends stand inside the axes.
+    // The first and the last point are inside the axes.
     let margin = (0.03 * (high - low)).max(0.02);
     let axis = if low.is_finite() {
         low - margin..high + margin
@@ -111,7 +111,7 @@ fn panel(trend: &QuantityTrend, days: &impl Fn(&TrendPoint) -> f64, from: f64, t
     if are_bars {
         return panel;
     }
-    // Bars of that length would make a line of points and limits.
+    // Bars of that length would squeeze points and limits into one line.
     panel.note(format!("2 u is up to {} {unit}", three_digits(within * scale)).trim_end())
 }
 
@@ -119,7 +119,7 @@ fn panel(trend: &QuantityTrend, days: &impl Fn(&TrendPoint) -> f64, from: f64, t
 /// limits.
 const BARS_MOST: f64 = 3.0;
 
-/// From the least of points and limits to the greatest.
+/// Difference between the greatest and the least of points and limits.
 fn extent(trend: &QuantityTrend) -> f64 {
     let values = trend.points.iter().map(|point| point.value);
     let limits = trend

@@ -86,7 +86,7 @@ pub struct LoggedStrike {
 }
 
 impl LoggedStrike {
-    /// One of the [`NUMBERS`]; `None` if it is unknown, or is none of them.
+    /// The number of this name; `None` if it is unknown, or not in [`NUMBERS`].
     pub fn number(&self, name: &str) -> Option<f64> {
         let place = NUMBERS.iter().position(|one| *one == name)?;
         self.numbers[place]
@@ -223,7 +223,7 @@ fn clocks(tracker: &Tracker) -> BTreeMap<u8, (f64, f64)> {
         };
         let before = longest.entry(segment.address).or_default();
         if fit.span > before.0 {
-            // It holds the drift in 19 cases of 20.
+            // The interval holds the drift in 19 cases of 20: two standard uncertainties to either side.
             *before = (fit.span, (fit.drift_ppm, within / 2.0));
         }
     }

@@ -3,8 +3,8 @@
 //! # Design
 //! A point is the mean over the strikes of a recording, over those of a day, or a single strike. Its
 //! uncertainty is the mean of theirs: the calibration is nearly all of it, and does not average out. The
-//! limits follow from the scatter of the points alone ([`ControlLimits`]), so they show a change that is much
-//! smaller than the uncertainty.
+//! limits follow only from the scatter of the points ([`ControlLimits`]), so they show a change that is
+//! much smaller than the uncertainty.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -84,7 +84,7 @@ struct Sums {
     recording: String,
     strikes: usize,
     value: f64,
-    /// `None` once that of a strike is unknown.
+    /// `None` once the uncertainty of a strike is unknown.
     u: Option<f64>,
 }
 
@@ -95,8 +95,8 @@ impl QuantityTrend {
     }
 }
 
-/// The trends of the beads in recordings that the filter takes, by address. The limits have the first `base`
-/// points as their base, or all.
+/// The trends of the beads in recordings that the filter takes, by address. The base of the limits is the
+/// first `base` points, or all.
 pub fn trends(
     recordings: &[LoggedRecording],
     filter: &Filter,

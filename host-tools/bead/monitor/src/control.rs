@@ -12,7 +12,7 @@ use crate::model::Monitor;
 /// Scans for which a signed request holds: 10 s at 100 kHz.
 const HOLDS: u64 = 1_000_000;
 
-/// Reads a note as a person types it; the error says what would do.
+/// Parses a note as a person types it; the error says what is accepted.
 type NoteParser = Box<dyn Fn(&str) -> Result<Note, String> + Send>;
 
 /// The way from a page to the recorder.
@@ -31,14 +31,14 @@ impl Control {
     /// Writes a note, KEY=VALUE, into the recording.
     ///
     /// # Errors
-    /// It is no note, or the recording has ended.
+    /// The text is no note, or the recording has ended.
     pub fn note(&self, text: &str) -> Result<String, String> {
         let note = (self.note)(text)?;
         let line = format!("noted: {}={}", note.key, note.value);
         self.send(RecorderOrder::Note(note)).map(|()| line)
     }
 
-    /// Asks a bead to look for strikes, or for none. Its reply becomes a message of the monitor.
+    /// Asks a bead to arm or disarm its detector. Its reply becomes a message of the monitor.
     ///
     /// # Errors
     /// The bead is unknown, or not known well enough to sign the request, or the recording has ended.

@@ -24,13 +24,13 @@ pub struct Feed {
 }
 
 impl Feed {
-    /// The strikes since the last time, the oldest first: the newest `most` of them.
+    /// The newest `most` of the strikes since the last call, the oldest first.
     pub fn take(&mut self, monitor: &SharedMonitor, most: usize) -> Vec<Arc<ShownStrike>> {
         let (mut new, mut missed) = monitor.lock().strikes_after(self.serial);
         let more = new.len().saturating_sub(most);
         missed += more as u64;
         new.drain(..more);
-        // At the first look nobody has missed anything.
+        // Strikes before the first call do not count as missed.
         if self.serial > 0 {
             self.missed += missed;
         }
@@ -39,7 +39,8 @@ impl Feed {
     }
 }
 
-/// Feeds a monitor from a recording that may still grow, until `stop`. At its end the monitor stays as it is.
+/// Feeds a monitor from a recording that may still grow, until `stop`. When the recording ends, the monitor
+/// keeps its state.
 ///
 /// # Errors
 /// The file cannot be read, or is damaged.
@@ -60,7 +61,7 @@ pub fn follow(
             thread::sleep(LOOK_EVERY);
             continue;
         }
-        // Not locked for long: pages look at it meanwhile.
+        // Locked for one piece at a time, since pages read the monitor meanwhile.
         for piece in pieces {
             let mut monitor = monitor.lock();
             let reader = readers.entry(piece.bead).or_default();

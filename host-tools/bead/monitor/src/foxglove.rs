@@ -2,9 +2,9 @@
 //!
 //! # Design
 //! Each bead has the channels `/bead_7/strike` and `/bead_7/state` of JSON objects, whose schemas are made of
-//! the types that are sent. Who subscribes gets the last message of a channel at once, as strikes may be
-//! rare. Clients can read and nothing else. The protocol has no secret and does not look at a page's origin,
-//! so any program and any web page on the computers that reach the address can read.
+//! the types that are sent. A new subscriber gets the last message of a channel at once, as strikes may be
+//! rare. Clients can only read. The protocol has no secret and does not check a page's origin, so any
+//! program and any web page on a computer that reaches the address can read.
 
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
@@ -48,7 +48,7 @@ impl<'a> StrikeMessage<'a> {
     }
 }
 
-/// Sends the last message of a channel to who subscribes to it.
+/// Sends the last message of a channel to each new subscriber.
 struct Greeter {
     context: Arc<Context>,
     /// The last message of each channel, by topic, with its time in ns since 1970.
@@ -72,7 +72,7 @@ pub struct FoxgloveServer {
 }
 
 impl FoxgloveServer {
-    /// Listens at an address; port 0 is one that is free.
+    /// Listens at an address; port 0 stands for a free one.
     ///
     /// # Errors
     /// The address is another computer's or the port is taken.

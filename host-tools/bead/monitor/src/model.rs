@@ -20,7 +20,7 @@ use crate::strike::ShownStrike;
 pub const HISTORY: usize = 512;
 /// Number of lines for people that are kept.
 const MESSAGES: usize = 100;
-/// Number of edges at a sync input that are kept of a bead: a strike may come that many later.
+/// Number of edges at a sync input that are kept for a bead: a strike may come that many edges late.
 const EDGES: usize = 128;
 /// Time after which a bead that sent nothing counts as silent. It sends its status every second.
 const SILENT: Duration = Duration::from_secs(3);
@@ -120,7 +120,7 @@ pub struct Monitor {
     recording: String,
     file: Option<PathBuf>,
     bytes: u64,
-    /// Bytes at a time, and the rate before.
+    /// Time and count of bytes when the rate was measured last, and that rate in bytes a second.
     rate: (Instant, u64, u64),
     /// Requests that wait for their replies, by number: address, deed and time.
     asked: BTreeMap<u16, (u8, String, Instant)>,
@@ -128,7 +128,7 @@ pub struct Monitor {
 }
 
 impl Monitor {
-    /// Beads at these ports, of which nothing came yet. `recording` names the recording for people.
+    /// A monitor of these ports, which has received nothing yet. `recording` names the recording for people.
     pub fn new(ports: Vec<String>, recording: String) -> Self {
         Self {
             ports: ports.iter().map(|port| one_line(port).into_owned()).collect(),
@@ -144,7 +144,7 @@ impl Monitor {
             bytes: 0,
             rate: (Instant::now(), 0, 0),
             asked: BTreeMap::new(),
-            // The recorder counts from elsewhere.
+            // The numbers of the recorder's own requests begin elsewhere.
             next_request: 0xA000,
         }
     }
@@ -231,7 +231,7 @@ impl Monitor {
             match event {
                 Event::Restart(_) => self.tell(&format!("bead {address} restarted")),
                 Event::Strike(strike) => {
-                    // A fetched copy of a strike that is here already only has more of its samples.
+                    // A fetched copy of a strike that is already here only adds samples.
                     let is_new = strike.fetched.is_none_or(|copy| !copy.before.result);
                     if is_new && let Some(bead) = self.beads.get_mut(&address) {
                         bead.strikes += 1;
@@ -263,7 +263,7 @@ impl Monitor {
         self.tell(line.trim_end());
     }
 
-    /// Notes a request that is sent now, and gives its number.
+    /// Notes a request that is sent now, and returns its number.
     pub(crate) fn ask(&mut self, bead: u8, deed: &str) -> u16 {
         let number = self.next_request;
         self.next_request = number.checked_add(1).unwrap_or(0xA000);
@@ -360,7 +360,7 @@ impl Monitor {
     }
 
     fn losses(&self, bead: &BeadState) -> Vec<Loss> {
-        // A frame that has not come counts nothing.
+        // The counts of a missing frame are zero.
         let status = bead.status.unwrap_or_else(|| Status::draw(&mut || 0));
         let (health, guard) = (bead.health.unwrap_or_default(), bead.guard.unwrap_or_default());
         let of_line = [("frames lost on the way", bead.lost), ("restarts", bead.restarts)];
@@ -397,7 +397,8 @@ impl SharedMonitor {
         Self(Arc::new(Mutex::new(monitor)))
     }
 
-    /// The monitor, for a moment. A panic of another thread leaves it usable: each change is whole.
+    /// Locks the monitor; hold the lock only briefly. A panic of another thread leaves it usable: each
+    /// change is whole.
     pub fn lock(&self) -> MutexGuard<'_, Monitor> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }

@@ -35,7 +35,7 @@ impl Bench {
         }
     }
 
-    /// Feeds what a bead has said since the last time.
+    /// Feeds the bytes that a bead has sent since the last call.
     fn feed(&mut self, bead: &mut Speaker) {
         let mut monitor = self.monitor.lock();
         let bytes = std::mem::take(&mut bead.bytes);
@@ -44,7 +44,7 @@ impl Bench {
     }
 }
 
-/// A bead that has said who it is and what its settings are, for which its strikes wait.
+/// A bead that has sent its identity and its settings, for which its strikes wait.
 fn known_bead() -> Speaker {
     let mut bead = Speaker::at(7);
     let identity = bead.identity();
@@ -53,7 +53,7 @@ fn known_bead() -> Speaker {
     bead
 }
 
-/// Says the frames of a strike that is triggered by its only sample.
+/// Sends the frames of a strike that is triggered by its only sample.
 fn strike(bead: &mut Speaker, number: u32) {
     let first_index = 1000 * u64::from(number);
     for message in one_sample_strike(number, first_index) {
@@ -91,7 +91,7 @@ fn a_strike_is_shown_with_the_numbers_of_its_frame_and_losses_stand_by_their_cau
     bead.sequence += 2;
     strike(&mut bead, 1);
     bead.bytes.extend([1, 2, 3, 0]);
-    // The frames that are missing may be late until as many have come behind them.
+    // Missing frames may still be late until `REORDER` more have come.
     for _ in 0..REORDER {
         bead.say(2000, status);
     }
@@ -229,7 +229,7 @@ fn next(client: &mut tungstenite::WebSocket<TcpStream>) -> Value {
     }
 }
 
-/// Stops threads at its end, also after a failed assertion.
+/// Stops threads when it is dropped, even after a failed assertion.
 struct StopAtEnd<'a>(&'a AtomicBool);
 
 impl Drop for StopAtEnd<'_> {

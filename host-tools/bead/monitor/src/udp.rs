@@ -20,7 +20,7 @@ impl UdpSender {
     /// Prepares to send to an address.
     ///
     /// # Errors
-    /// The system has no way there.
+    /// The system has no route to the address.
     pub fn open(to: SocketAddr) -> io::Result<Self> {
         let any: SocketAddr = match to {
             SocketAddr::V4(_) => (Ipv4Addr::UNSPECIFIED, 0).into(),

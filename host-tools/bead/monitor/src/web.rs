@@ -1,12 +1,12 @@
 //! The page in a browser.
 //!
 //! # Design
-//! The program listens on this computer alone, unless it is told otherwise. Three things keep others out: a
-//! random token in the path, names of hosts other than `localhost` refused (a foreign name that leads here is
-//! an attack by DNS rebinding), and an `Origin` that must be the page's own. The page is static; what a bead
-//! says goes to it as JSON, and the page puts it in as text.
+//! The program listens only on this computer, unless it is told otherwise. Three things keep others out: a
+//! random token in the path, the refusal of host names other than `localhost` (a foreign name that leads
+//! here is an attack by DNS rebinding), and an `Origin` that must be the page's own. The page is static;
+//! data of a bead goes to it as JSON, and the page inserts it as text.
 //!
-//! Nothing is queued for a browser. Its task takes the strikes since the last ones when the connection is
+//! Nothing is queued for a browser. The task of a browser takes the new strikes when the connection is
 //! ready for them, so that a slow browser costs the recorder nothing, and learns how many it missed.
 
 use std::io;
@@ -36,7 +36,7 @@ use tokio_util::io::ReaderStream;
 use crate::feed::Feed;
 use crate::model::SharedMonitor;
 
-/// Interval of the news to a browser.
+/// Interval of the updates to a browser.
 const NEWS_EVERY: Duration = Duration::from_millis(200);
 /// Time after which a browser that takes nothing is disconnected; it connects again.
 const PATIENCE: Duration = Duration::from_secs(20);
@@ -44,7 +44,7 @@ const PATIENCE: Duration = Duration::from_secs(20);
 const STRIKES_AT_A_TIME: usize = 32;
 /// Greatest number of browsers.
 const BROWSERS: usize = 16;
-/// The content of a page that may load and connect to nothing but this program.
+/// Content security policy: the page may load from and connect to this program only.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; \
                       base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
@@ -124,7 +124,7 @@ impl WebPage {
                 is_here_alone: self.at.ip().is_loopback(),
                 browsers: Arc::default(),
             };
-            // Without the token there is nothing.
+            // No path without the token exists.
             let at = |name: &str| format!("/{}/{name}", self.token);
             let mut page = Router::new()
                 .route(&at("live"), get(live))
@@ -150,8 +150,7 @@ impl WebPage {
     }
 }
 
-/// True for the `Host` of this computer, or, where the page is open to the network, of any address that is
-/// no name.
+/// True if a `Host` is this computer or, where the page is open to the network, any numeric address.
 fn is_own_host(host: &str, is_here_alone: bool) -> bool {
     let name = host.rsplit_once(':').map_or(host, |(name, port)| {
         if port.bytes().all(|digit| digit.is_ascii_digit()) {
@@ -167,7 +166,7 @@ fn is_own_host(host: &str, is_here_alone: bool) -> bool {
             .is_ok_and(|ip| !is_here_alone || ip.is_loopback())
 }
 
-/// True for a request by a name of this computer, and, if a page makes it, by its own page.
+/// True for a request to a name of this computer that, if a page makes it, comes from its own page.
 fn is_own(headers: &HeaderMap, is_here_alone: bool) -> bool {
     let text = |name| headers.get(name).map(|value| value.to_str().unwrap_or("?"));
     let host = text(header::HOST).unwrap_or_default();
@@ -219,7 +218,7 @@ async fn live(State(served): State<Served>, headers: HeaderMap, upgrade: WebSock
     })
 }
 
-/// A place among those of browsers, free again when it is dropped.
+/// One of the places for browsers. Dropping it frees the place.
 struct BrowserPlace(Arc<AtomicUsize>);
 
 impl Drop for BrowserPlace {
@@ -249,7 +248,7 @@ async fn tell_news(mut socket: WebSocket, monitor: &SharedMonitor) -> Option<()>
     }
 }
 
-/// The recording as far as it goes, made whole.
+/// Sends the recording so far, made whole.
 async fn download(State(served): State<Served>) -> Response {
     let file = served.monitor.lock().file().map(Path::to_owned);
     let Some(file) = file else {
@@ -274,7 +273,7 @@ async fn download(State(served): State<Served>) -> Response {
     }
 }
 
-/// A whole recording of what a file has so far. It has no name any more, so nothing is left of it.
+/// A whole recording of a file's content so far. Its own file is already deleted, so it vanishes when closed.
 fn whole_copy(recording: &Path) -> Result<std::fs::File, String> {
     let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
     let copy = folder.path().join("bead.mcap");

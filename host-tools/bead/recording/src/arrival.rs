@@ -2,16 +2,17 @@
 //!
 //! # Design
 //! The top of a pulse is flat, so noise of some mN moves it by 0.1 to 0.6 µs, and more samples or another
-//! polynomial do not help, since a pulse in a row of absorbers is not even. Its front is steep. A polynomial
-//! of degree `DEGREE` through the samples about the place gives the time there (least squares, in polynomials
-//! that are orthogonal on the samples: Forsythe, J. SIAM 5, 74, 1957), and so it gives the height of the top.
-//! Few samples leave noise, and many pulses that are no such polynomial: `REACH` is between. It puts all
-//! fronts a thousandth of a width too early.
+//! polynomial do not help, since a pulse in a row of absorbers is not symmetric. Its front is steep. A
+//! polynomial of degree `DEGREE` through the samples around the front gives its time (least squares, in
+//! polynomials that are orthogonal on the samples: Forsythe, J. SIAM 5, 74, 1957), and another gives the
+//! height of the top. Few samples leave noise, and over many a pulse is no such polynomial: `REACH` is
+//! between. It puts all fronts a thousandth of a width too early.
 
 use crate::signal::Signal;
 
 const DEGREE: usize = 3;
-/// Its reach to either side, in widths of the pulse at half its height, and the least, in samples.
+/// Reach of a polynomial to either side, in widths of the pulse at half its height, and the least, in
+/// samples.
 const REACH: f64 = 0.25;
 const REACH_LEAST: usize = 2;
 
@@ -41,7 +42,7 @@ fn around(force: &[f64], middle: usize, width: usize) -> Option<Polynomial> {
     Some(Polynomial::through(values, reach as f64))
 }
 
-/// A polynomial over -1 ..= 1: its parts, and the recurrence of the polynomials that they are of,
+/// A polynomial over -1 ..= 1: its parts in orthogonal polynomials, and the recurrence of these,
 /// `p[k+1] = x p[k] - beta[k] p[k-1]`.
 struct Polynomial {
     parts: [f64; DEGREE + 1],
@@ -51,7 +52,7 @@ struct Polynomial {
 }
 
 impl Polynomial {
-    /// The one that fits values at even distances best.
+    /// The polynomial that fits evenly spaced values best.
     fn through(values: &[f64], reach: f64) -> Self {
         let places: Vec<f64> = (0..values.len())
             .map(|place| place as f64 / reach - 1.0)
@@ -100,7 +101,7 @@ impl Polynomial {
         self.at(x)[0]
     }
 
-    /// The zero of an expression in value and derivatives, which `zero` gives with its slope: by Newton's
+    /// The zero of an expression in value and derivatives, which `zero` returns with its slope: by Newton's
     /// method from the middle.
     fn where_is(&self, zero: impl Fn([f64; 3]) -> (f64, f64)) -> Option<f64> {
         let mut x = 0.0;

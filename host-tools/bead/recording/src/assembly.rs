@@ -7,22 +7,22 @@
 //! strikes and restarts. The reader of recordings, their channels for other programs, and the recorder all
 //! use it.
 //!
-//! **Order.** The strikes of a boot are handed on by their numbers. A strike is due when all of its frames
-//! are here and no frame before it is missing, or else when a missing frame counts as lost, [`REORDER`]
-//! frames later. It also waits for the first settings of its boot, but never behind more than `WAITING`
-//! strikes. A restart and the end of the frames hand on the rest.
+//! **Order.** The strikes of a boot are handed on in the order of their numbers. A strike is due when all of
+//! its frames are here and no frame before it is missing, or else when a missing frame counts as lost,
+//! [`REORDER`] frames later. It also waits for the first settings of its boot, but no longer than until more
+//! than `WAITING` strikes wait. A restart and the end of the frames hand on the rest.
 //!
 //! **Names.** The name of a strike is the low byte of its boot and its number in it. Of each bead's newest
 //! `REMEMBERED` strikes the assembly remembers which parts came, and hands on a fetched copy only of a
 //! strike that did not come whole.
 //!
-//! **Restarts.** A bead counts its boots from 0 at power-up, and in one byte they begin again after 256
-//! resets, so names come again. When a bead restarts, the names of all boots are forgotten that may have
-//! begun since its last frame: from the boot after the last one up to the new one, around 256. After a power
-//! cycle these include boot 0 to the new one; if the byte is the same as before, they are all. The names of
-//! other boots stay, as a bead keeps its last strikes over a reset. One case cannot be seen from the byte: a
-//! power cycle, and then so many resets in silence that the number is higher than before. There the index of
-//! the first sample tells two strikes apart.
+//! **Restarts.** A bead counts its boots from 0 at power-up, in one byte that wraps after 256 resets, so
+//! names recur. When a bead restarts, the assembly forgets the names of all boots that may have begun since
+//! its last frame: from the boot after the last one up to the new one, modulo 256. After a power cycle these
+//! include boot 0 to the new one; if the byte is the same as before, all 256. The names of other boots stay,
+//! as a bead keeps its last strikes over a reset. The byte does not show one case: a power cycle, and then so
+//! many unseen resets that the number is higher than before. There the index of the first sample
+//! distinguishes two strikes.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -47,7 +47,7 @@ const REMEMBERED: usize = 4096;
 pub enum Event {
     /// A bead restarted. The strikes of its boot before were handed on.
     Restart(Restart),
-    /// A strike that is whole, or cannot get what it lacks by late frames any more.
+    /// A strike that is whole, or whose missing parts can no longer come in late frames.
     Strike(Box<Assembled>),
 }
 
@@ -132,7 +132,7 @@ pub struct Assembly {
 }
 
 impl Assembly {
-    /// Takes the next frame of the line and gives what follows from it, in order.
+    /// Takes the next frame of the line and returns the events that follow from it, in order.
     pub fn push(&mut self, frame: &Frame) -> Vec<Event> {
         let mut events = Vec::new();
         if frame.arrival == Arrival::Duplicate {
@@ -151,7 +151,7 @@ impl Assembly {
         events
     }
 
-    /// Hands on the strikes that wait, for no more frames come.
+    /// Hands on the waiting strikes at the end of the frames.
     pub fn end(&mut self) -> Vec<Event> {
         let mut events = Vec::new();
         for bead in self.beads.values_mut() {
@@ -160,7 +160,7 @@ impl Assembly {
         events
     }
 
-    /// The first samples of the windows that wait for their result.
+    /// The windows that wait for their result.
     pub fn unfinished(&self) -> Vec<UnfinishedWindow> {
         let of = |(address, bead): (&u8, &BeadFrames)| {
             let (address, boot) = (*address, (bead.boot, Some(bead.restarts)));
@@ -187,7 +187,7 @@ impl Assembly {
         bead.is_some_and(|bead| bead.register.parts(boot, number) == StrikeParts::ALL)
     }
 
-    /// True if no frames of a strike are on their way: of each that has begun, the last one came.
+    /// True if no frames of a strike are on their way: the last frame of each strike that has begun came.
     pub fn is_idle(&self) -> bool {
         let ended = |pending: &Pending| pending.shape.is_some();
         self.beads
@@ -339,8 +339,8 @@ impl BeadFrames {
         self.note_window(strike);
     }
 
-    /// Takes a frame of a fetched strike, and gives the strike if that was the last one and the strike is not
-    /// here.
+    /// Takes a frame of a fetched strike. Returns the strike if this was its last frame and it was not handed
+    /// on whole before.
     fn push_fetched(&mut self, frame: &Frame, fetched: &Fetched) -> Option<Event> {
         let address = frame.header.address;
         let strike = self.fetched.push(address, fetched)?;
@@ -351,7 +351,7 @@ impl BeadFrames {
         }
         let mut before = std::mem::replace(&mut entry.parts, StrikeParts::ALL);
         if strike.boot == self.boot {
-            // It takes the place of the parts that wait.
+            // The copy replaces the parts that wait.
             let waiting = self.pending.len();
             self.pending.retain(|other, _| *other as u32 != number);
             before.window &= self.pending.len() == waiting;
@@ -391,7 +391,7 @@ impl BeadFrames {
         while let Some(strike) = self.due() {
             events.extend(self.assemble(strike));
         }
-        // Their strike frames do not come.
+        // The strike frames of the oldest will not come.
         while self.pending.len() > WAITING {
             self.pending.pop_first();
         }
@@ -418,7 +418,7 @@ impl BeadFrames {
         events.extend(strikes.into_iter().filter_map(|strike| self.assemble(strike)));
     }
 
-    /// Takes out a strike, and all parts of strikes before it: those have lost their strike frame.
+    /// Takes out a strike, and drops all parts of strikes before it, whose strike frames are lost.
     fn assemble(&mut self, strike: i64) -> Option<Event> {
         self.pending.get(&strike)?.result.as_ref()?;
         let behind = self.pending.split_off(&(strike + 1));
@@ -460,8 +460,8 @@ impl BeadFrames {
     }
 }
 
-/// Numbers that go on where those of the wire begin again at 0: after 2^32 frames, which a full line sends in
-/// 24 days.
+/// Numbers that continue where those of the wire begin again at 0: after 2^32 frames, which a full line sends
+/// in 24 days.
 #[derive(Clone, Copy, Debug, Default)]
 struct Unwrapped(Option<i64>);
 
@@ -501,7 +501,7 @@ impl StrikeNames {
     }
 
     /// The entry of a strike, a new one if the window of that name began at another sample. The oldest strike
-    /// gives way.
+    /// is dropped if there are too many.
     fn entry(&mut self, boot: u8, number: u32, first_index: u64) -> &mut KnownStrike {
         let name = (boot, number);
         if !self.strikes.contains_key(&name) {
@@ -550,7 +550,7 @@ mod tests {
         bead_testing::fetched(boot, number, &frames)
     }
 
-    /// Beads on a line that an assembly takes the frames of.
+    /// Beads on a line whose frames an assembly takes.
     #[derive(Default)]
     struct FakeLine {
         assembly: Assembly,
@@ -706,10 +706,10 @@ mod tests {
         };
         // A reset: the bead keeps its strikes of boots before.
         assert_eq!(begins(3, 4, &[2, 3, 4, 5]), [false, false, true, false]);
-        // Resets that nobody heard of.
+        // Resets of which no frame came.
         assert_eq!(begins(3, 6, &[3, 4, 5, 6, 7]), [false, true, true, true, false]);
         assert_eq!(begins(255, 0, &[254, 255, 0, 1]), [false, false, true, false]);
-        // A power cycle, and one with two resets that nobody heard of.
+        // A power cycle, and one with two resets of which no frame came.
         assert_eq!(begins(5, 0, &[0, 1, 5, 6]), [true, false, false, true]);
         assert_eq!(begins(5, 2, &[0, 1, 2, 3]), [true, true, true, false]);
         // A power cycle in the first boot, or 256 resets.

@@ -5,7 +5,7 @@ use bead_tables::printable::{count, first_of};
 use crate::json::hex;
 use crate::strikes::{LeftOut, RecordedStrike};
 
-/// Strikes that a line names.
+/// Greatest number of strikes that a line names.
 const NAMED: usize = 4;
 
 /// A bead in recordings, with what is gathered of its strikes.
@@ -16,9 +16,9 @@ pub struct GatheredBead<T> {
     uid: Option<[u8; 12]>,
     /// Strikes so far, wanted or not.
     pub seen: usize,
-    /// Strikes that have no part in it.
+    /// Strikes that were left out.
     pub left_out: Vec<LeftOut>,
-    /// The gathered.
+    /// Values gathered from its strikes.
     pub gathered: T,
 }
 
@@ -58,7 +58,7 @@ impl<T> GatheredBead<T> {
 }
 
 impl LeftOut {
-    /// A line about strikes of a bead that had no part; `None` if all had one.
+    /// A line about the strikes of a bead that were left out; `None` if none was.
     pub fn line(address: u8, left_out: &[Self]) -> Option<String> {
         let named = left_out.iter();
         let named = named.map(|out| format!("{}, strike {}: {}", out.recording, out.strike, out.why));

@@ -1,4 +1,4 @@
-//! Fetched frames, put together to the strike that they are of.
+//! Assembles fetched frames into their strike.
 
 use std::collections::BTreeMap;
 
@@ -22,7 +22,7 @@ impl FetchedFrames {
         self.messages.is_empty()
     }
 
-    /// Takes a frame of the bead with this address. Gives the strike if this was its last frame.
+    /// Takes a frame of the bead with this address. Returns the strike if this was its last frame.
     pub(super) fn push(&mut self, address: u8, frame: &Fetched) -> Option<RecordedStrike> {
         let strike = (frame.boot, frame.strike, frame.parts);
         if self.strike != strike {

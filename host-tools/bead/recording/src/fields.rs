@@ -2,7 +2,7 @@
 //!
 //! # Design
 //! [`entries`] walks over a message, [`described`] over the description of its fields; both give the same
-//! keys in the same order. The rules of names stand here alone:
+//! keys in the same order. The rules of names are only here:
 //!
 //! - A quantity is in its SI unit, which ends the key: `peak_force_n`. Its bits are beside it:
 //!   `peak_force_raw`.

@@ -21,7 +21,7 @@ pub struct Frame {
     pub sample_rate_hz: Option<u32>,
     /// Receive time, ns since 1970, `None` if unknown.
     pub received_ns: Option<u64>,
-    /// Of a shape, the strike that it belongs to, from the strike frame before it.
+    /// Strike that a shape belongs to, from the strike frame before it.
     pub strike: Option<Strike>,
     /// The message.
     pub message: Message,
@@ -74,7 +74,7 @@ impl Frame {
 pub enum Item {
     /// A frame.
     Frame(Frame),
-    /// Bytes that are no frame.
+    /// Bytes that are not a frame.
     Rejected(Reject),
 }
 
@@ -99,7 +99,7 @@ pub struct Piece {
     pub received_ns: Option<u64>,
 }
 
-/// Pieces of bytes to frames.
+/// Turns pieces of bytes into frames.
 #[derive(Clone, Debug, Default)]
 pub struct FrameReader {
     decoder: Decoder,
@@ -110,7 +110,7 @@ pub struct FrameReader {
 }
 
 impl FrameReader {
-    /// Takes bytes as received, and gives each frame and each reject to `sink`.
+    /// Takes bytes as received, and passes each frame and each reject to `sink`.
     pub fn feed(&mut self, bytes: &[u8], received_ns: Option<u64>, mut sink: impl FnMut(Item)) {
         let Self {
             decoder,

@@ -15,7 +15,7 @@ use crate::fields::{Content, entries};
 use crate::frames::Frame;
 use crate::uncertainties::{ENERGIES, GROUP, of_energies};
 
-/// Version of all JSON that this program prints. It grows when a key goes away or means something else.
+/// Version of all JSON that this program prints. It grows when a key is removed or changes its meaning.
 pub const SCHEMA_VERSION: u32 = 1;
 
 impl Frame {

@@ -104,7 +104,7 @@ fn number(entry: &Entry<'_>, first: u32) -> Option<u32> {
     }
 }
 
-/// Adds the fields of a body, and gives the messages nested in it.
+/// Adds the fields of a body, and returns the messages nested in it.
 fn describe(
     body: &'static [FieldDoc],
     first: u32,

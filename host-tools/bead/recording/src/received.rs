@@ -54,7 +54,7 @@ impl Recording {
         Ok(strikes.with_fetched(self.fetched.clone()))
     }
 
-    /// The error of a recording in whose frames no strike came.
+    /// The error of a recording without a strike in its frames.
     pub fn no_strike<I: Iterator<Item = Piece>>(&self, heard: &LastSaid<I>) -> RecordingError {
         match heard.from_the_future.clone() {
             Some(who) => RecordingError::FromTheFuture {
@@ -82,7 +82,7 @@ impl Recording {
                 "{}: cannot read its {}; record it again: {}",
                 self.path.display(),
                 part.name(),
-                // It repeats the text that is wrong, which may have megabytes.
+                // The error repeats the wrong text, which may have megabytes.
                 beginning(&why.to_string(), WHY_MOST)
             ))
         })?;
@@ -106,7 +106,7 @@ pub struct LastSaid<I> {
 }
 
 impl<I: Iterator<Item = Piece>> LastSaid<I> {
-    /// Frames whose last identity and status are kept.
+    /// Keeps the last identity and status of these frames.
     pub fn new(frames: Frames<I>) -> Self {
         Self {
             frames,

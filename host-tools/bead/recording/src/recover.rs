@@ -1,4 +1,4 @@
-//! Makes whole recordings of those that are cut or damaged, and of raw bytes.
+//! Makes whole recordings from cut or damaged ones, and from raw bytes.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -34,7 +34,7 @@ const OPEN_MOST: usize = 16;
 struct OpenStrikes {
     /// By the bead's address.
     strikes: BTreeMap<u8, BTreeSet<u32>>,
-    /// Number of strikes whose result can come no more, after a restart or many others.
+    /// Number of strikes whose result can no longer come, after a restart or many others.
     ended: u64,
 }
 

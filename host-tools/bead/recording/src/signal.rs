@@ -2,10 +2,9 @@
 //!
 //! # Design
 //! The bead's own code ([`bead_model::sensor`]) makes one signal of the codes of both gains, with the filter
-//! taken out. Here it runs once more, so that from the sample before the end of the baseline on every value
-//! has the bits that the estimators had. The samples before it, which the bead only averages, get their
-//! values with the same zeros. The value of the last sample needs a code after it: its own stands in for that
-//! one.
+//! removed. It runs here again, so every value from the sample before the end of the baseline has the bits
+//! that the estimators used. Earlier samples, which the bead only averages, get their values with the same
+//! zeros. The value of the last sample needs a code after it, and uses its own instead.
 
 use bead_model::layout::{BASELINE, PIECE};
 use bead_model::quantity::{SensedAcceleration, SensedForce, Step};
@@ -52,7 +51,7 @@ impl RecordedStrike {
 impl Signal {
     /// The measured acceleration at the time of the force, less the one that the reduced chain predicts from
     /// the force, m/s²: a value for each scan but the last, and 0 before the bead compares them. Empty at a
-    /// sample rate at which it does not.
+    /// sample rate at which the bead does not.
     ///
     /// Chain and filter are the bead's own ([`bead_model::waveform`]); only its gate, which silences the
     /// chain in noise, is not.
@@ -167,7 +166,7 @@ mod tests {
             assert!((peak_force / peak - 1.0).abs() < 0.02, "{peak_force}");
             let highest = signal.acceleration.iter().copied().fold(f64::MIN, f64::max);
             assert_eq!(highest, report.acceleration_max.metres_per_second_squared());
-            // The record begins with the last sample of the baseline and has not the last of the window.
+            // The record begins with the last sample of the baseline and lacks the last of the window.
             let momentum: f64 = signal.force[63..671].iter().sum();
             assert_eq!(momentum, shape.impulse.newton_samples());
             assert_eq!(signal.force.len(), scans.len());
@@ -181,7 +180,7 @@ mod tests {
         let settings = paper_settings();
         let scans = scans(6.0);
         let signal = Signal::of(&scans, &settings).unwrap();
-        // This ring is none that the force explains, so that most of it is left.
+        // The force does not explain this ring, so most of it is left.
         let (_, shape) = reported(&scans, &settings);
         let said = shape.waveform.unwrap().residual.ratio();
         let rms = |values: &[f64]| values.iter().map(|value| value * value).sum::<f64>().sqrt();

@@ -4,7 +4,7 @@ use bead_model::Scan;
 use bead_model::settings::Settings;
 use bead_wire::{Energy, Shape, Strike, Waveform};
 
-/// Energies as they stood after a run of samples.
+/// Energies after a run of samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct WindowChunk {
     /// Number of samples of the window up to the end of this chunk.
@@ -33,10 +33,10 @@ impl ScanCodes {
     }
 }
 
-/// Codes of a window behind a gap, up to the next one.
+/// Codes of a window after a gap, up to the next one.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ScansAfterGap {
-    /// Sample of the window of the first of them.
+    /// Sample of the window at the first code.
     pub from: usize,
     /// The codes.
     pub scans: Vec<ScanCodes>,
@@ -64,7 +64,7 @@ pub struct RecordedStrike {
     pub shape: Option<Shape>,
     /// Codes of the window from its start up to the first gap.
     pub scans: Vec<ScanCodes>,
-    /// Codes of the window behind that gap, ascending. No estimate can be computed from them.
+    /// Codes of the window after that gap, ascending. No estimate can be computed from them.
     pub after_gaps: Vec<ScansAfterGap>,
     /// The chunks that the codes before the first gap came in.
     pub chunks: Vec<WindowChunk>,
@@ -75,7 +75,7 @@ pub struct RecordedStrike {
 }
 
 impl RecordedStrike {
-    /// A strike of which no samples were received yet.
+    /// A strike before its samples were received.
     pub fn new(address: u8, said: Strike) -> Self {
         Self {
             address,
@@ -94,7 +94,7 @@ impl RecordedStrike {
         }
     }
 
-    /// Scans a second, Hz: as the bead's identity said, else as the settings hold for.
+    /// Scans a second, Hz: from the bead's identity, or else from the settings.
     pub fn rate(&self) -> Option<u32> {
         let of_settings = self.settings.map(|settings| settings.sample_rate_hz);
         self.sample_rate_hz.or(of_settings).filter(|rate| *rate > 0)
@@ -128,7 +128,7 @@ impl RecordedStrike {
     }
 
     /// Takes the samples of a waveform frame at their place. The frames must come in the order of their first
-    /// samples. One whose samples are here already, or are behind the window, is ignored.
+    /// samples. One whose samples are here already, or are beyond the window, is ignored.
     pub(crate) fn place(&mut self, waveform: &Waveform) {
         let end = match self.after_gaps.last() {
             Some(after) => after.from + after.scans.len(),

@@ -18,7 +18,7 @@ pub use crate::strike::{RecordedStrike, ScanCodes, ScansAfterGap, WindowChunk};
 /// for all other beads.
 pub type GivenSettings = BTreeMap<Option<u8>, Settings>;
 
-/// A strike among all: address of the bead, low byte of its boot, number in that boot, first sample index.
+/// Identity of a strike: address of the bead, low byte of its boot, number in that boot, first sample index.
 pub type StrikeName = (u8, u8, u32, u64);
 
 fn name(strike: &RecordedStrike) -> StrikeName {
@@ -64,7 +64,7 @@ impl FetchedNames {
         }
     }
 
-    /// The names of all strikes of which a fetched copy came.
+    /// The names of all strikes whose fetched copy came.
     pub fn finish(self) -> BTreeSet<StrikeName> {
         self.names
     }
@@ -76,7 +76,7 @@ impl FetchedNames {
 pub struct Strikes<I> {
     frames: I,
     given: GivenSettings,
-    /// Strikes that are fetched further on.
+    /// Strikes that are fetched later.
     fetched: Arc<BTreeSet<StrikeName>>,
     assembly: Assembly,
     ready: VecDeque<RecordedStrike>,
@@ -95,7 +95,7 @@ impl<I: Iterator<Item = Frame>> Strikes<I> {
         }
     }
 
-    /// Leaves out copies with a missing part of strikes that are `fetched` further on ([`FetchedNames`]).
+    /// Leaves out incomplete copies of strikes that are `fetched` later ([`FetchedNames`]).
     #[must_use]
     pub fn with_fetched(self, fetched: impl Into<Arc<BTreeSet<StrikeName>>>) -> Self {
         Self {
@@ -104,8 +104,8 @@ impl<I: Iterator<Item = Frame>> Strikes<I> {
         }
     }
 
-    /// The windows after the last strike that was handed on, of which the result never came. They are known
-    /// when all frames were read.
+    /// The windows after the last strike that was handed on whose result never came. They are known once all
+    /// frames have been read.
     pub fn unfinished(&self) -> Vec<UnfinishedWindow> {
         self.assembly.unfinished()
     }

@@ -1,8 +1,8 @@
-//! Standard uncertainties of what a bead says of a strike, in the unit of the value.
+//! Standard uncertainties of a bead's results for a strike, in the unit of the value.
 //!
 //! # Design
-//! Calibration and noise give them. An error that a flag names is in none, so a value that a flag doubts by
-//! more than that has no uncertainty.
+//! They cover calibration and noise, but no error that a flag reports. A value whose flagged error may be
+//! greater has no uncertainty.
 
 use bead_model::design::{Relative, Uncertainty};
 use bead_wire::{Shape, Strike, StrikeFlags as Flags};
@@ -12,7 +12,7 @@ pub const GROUP: &str = "u";
 /// Keys of the uncertainties of A, of B and of A - B, J, in their group.
 pub const ENERGIES: [&str; 3] = ["absorbed_measured_j", "absorbed_predicted_j", "difference_j"];
 
-/// Flags that mean an error of A alone, and of B alone.
+/// Flags that mean an error of only A, and of only B.
 const OF_ONE: [Flags; 2] = [
     Flags::ACCELERATION_RAILED,
     Flags::FORCE_RAILED
@@ -33,7 +33,7 @@ const OF_FORCE: Flags = Flags::FORCE_RAILED
     .with(Flags::SENSOR_FAULT)
     .with(Flags::SETTINGS_NOT_OWNERS);
 
-/// True of A and of B if no flag means an error that no uncertainty holds.
+/// True for A and for B if no flag means an error that the uncertainty does not cover.
 pub fn are_held(flags: Flags) -> [bool; 2] {
     // A window that another wave cut ends before it.
     let cut = if flags.has(Flags::WINDOW_CUT) {
@@ -45,8 +45,8 @@ pub fn are_held(flags: Flags) -> [bool; 2] {
     [1, 0].map(|other| left.without(OF_ONE[other]) == Flags::NONE)
 }
 
-/// The uncertainties of A, B and A - B of a strike, J, as its shape has them in parts; `None` for what a flag
-/// doubts by more. `None` at all if the bead sent none.
+/// The uncertainties of A, B and A - B of a strike, J, from the parts in its shape; `None` for a value whose
+/// flagged error may be greater. `None` altogether if the bead sent none.
 pub fn of_energies(shape: &Shape, strike: &Strike) -> Option<[Option<f64>; 3]> {
     let known = shape.uncertainty?;
     let (a, b) = (strike.absorbed_measured, strike.absorbed_predicted);

@@ -121,12 +121,12 @@ pub struct BeadSums {
     plan: Plan,
     /// The response that a shock response spectrum is of.
     response: ResponseKind,
-    /// By frequency, but of a transfer: maximax, density or magnitude.
+    /// Maximax, density or magnitude by frequency; unused for a transfer.
     by_frequency: Vec<OverStrikes>,
-    /// Of a shock response spectrum: the greatest of the strikes by frequency, in the order of
+    /// Greatest values over the strikes of a shock response spectrum, by frequency, in the order of
     /// [`VALUES`](crate::shock::VALUES).
     greatest: Vec<[f64; 5]>,
-    /// Of a Fourier transform: phases of the last strike, rad.
+    /// Phases of the last strike for a Fourier transform, rad.
     phases: Vec<f64>,
     transfer: TransferSums,
     /// Size of a unit of acceleration, m/s².
@@ -200,7 +200,7 @@ impl BeadSums {
         });
     }
 
-    /// The unit of the values, its size in SI units, and the power of the gain that they go with.
+    /// The unit of the values, its size in SI units, and the power of the gain that they are proportional to.
     fn unit(&self) -> (&'static str, f64, f64) {
         use crate::strike::Sensors;
         let (is_si, size) = (self.acceleration == 1.0, self.acceleration);

@@ -18,8 +18,8 @@ pub enum Window {
 }
 
 /// Coefficients of the flat top over cosines (G. D'Antona and A. Ferrero, Digital Signal Processing for
-/// Measurement Systems, 2006). Over the first, they round to those of ISO 18431-2: 1, 1.933, 1.286, 0.388,
-/// 0.032.
+/// Measurement Systems, 2006). Divided by the first, they round to those of ISO 18431-2: 1, 1.933, 1.286,
+/// 0.388, 0.032.
 const FLAT_TOP: [f64; 5] = [
     0.215_578_95,
     0.416_631_58,
@@ -90,8 +90,8 @@ impl Transform {
     }
 
     /// The one-sided power spectral density by Welch, in the square of the signal's unit over Hz: the mean of
-    /// segments that overlap by half, at multiples of rate/length. What is behind the last whole segment has
-    /// no part. `None` if the signal is shorter than a segment.
+    /// segments that overlap by half, at multiples of rate/length. Samples after the last whole segment are
+    /// ignored. `None` if the signal is shorter than a segment.
     pub fn density(&self, signal: &[f64], rate: f64) -> Option<Vec<f64>> {
         let (length, step) = (self.length(), self.length().div_ceil(2));
         let power: f64 = self.window.iter().map(|part| part * part).sum();
@@ -104,7 +104,7 @@ impl Transform {
             }
         }
         for (k, mean) in mean.iter_mut().enumerate() {
-            // Both halves of the spectrum, but for the ends that have one.
+            // The power of both halves of the spectrum, except at the ends, which belong to one.
             let halves = if k == 0 || 2 * k == length { 1.0 } else { 2.0 };
             *mean *= halves / (rate * power * f64::from(count));
         }

@@ -8,13 +8,13 @@
 //! z̈ + (ω/Q) ż + ω² z = -a        absolute acceleration: a + z̈ = -(ω² z + (ω/Q) ż)
 //! ```
 //!
-//! Between two samples a runs straight, and over that the equation is solved exactly. This is the ramp
-//! invariant filter of ISO 18431-4 (D. O. Smallwood, Shock and Vibration Bulletin 51, 1981) with the same
-//! response to the last digit. Here it has the states ω² z and ω ż (N. C. Nigam and P. C. Jennings, Bull.
-//! Seism. Soc. Am. 59, 1969), as the difference equation of the standard cancels at low frequencies. The
-//! numerator for the displacement is a difference of terms near 1 that is as small as (ω dt)³: at 1 Hz and
-//! 100 kHz three digits are left of sixteen. The coefficients here are power series in ω dt without a
-//! difference of near terms, and the step adds the change to a state, so all digits stay.
+//! Between two samples a is linear, and the equation is solved exactly. This is the ramp invariant filter
+//! of ISO 18431-4 (D. O. Smallwood, Shock and Vibration Bulletin 51, 1981) with the same response to the
+//! last digit. Here it has the states ω² z and ω ż (N. C. Nigam and P. C. Jennings, Bull. Seism. Soc. Am.
+//! 59, 1969), as the difference equation of the standard cancels at low frequencies. The numerator for the
+//! displacement is a difference of terms near 1 that is as small as (ω dt)³: at 1 Hz and 100 kHz three
+//! digits are left of sixteen. The coefficients here are power series in ω dt without a difference of near
+//! terms, and the step adds the change to a state, so all digits stay.
 
 use std::f64::consts::TAU;
 
@@ -169,7 +169,7 @@ mod tests {
 
     #[test]
     fn a_ramp_to_a_step_gives_the_exact_response_at_low_and_at_high_frequencies() {
-        // The base's acceleration is 1 from the first sample on, after a ramp of one interval.
+        // The base's acceleration is 1 from the first sample, after a ramp of one interval.
         for turn in [1e-6, 1e-4, 0.01, 0.5] {
             let quality = 10.0_f64;
             let (decay, root) = (0.5 / quality, (1.0 - 0.25 / (quality * quality)).sqrt());
@@ -185,7 +185,7 @@ mod tests {
             let time = turn * last as f64;
             let exact = (ramped(time) - ramped(time - turn)) / turn;
             let response = found[last - 1].relative;
-            // The difference of two integrals has the digits that turn leaves it.
+            // The difference of two integrals loses digits as `turn` gets smaller.
             let near = 1e-13 + 1e-15 * time / turn;
             assert!((response - exact).abs() < near, "{turn}: {response} {exact}");
         }

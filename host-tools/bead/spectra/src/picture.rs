@@ -4,7 +4,7 @@ use hertz_charts::{Axis, Chart, Ink, Mark, Panel, Series, WIDTH};
 
 use crate::bead::{BeadSpectrum, Points, SpectrumPoint, TransferPoint};
 
-/// The spectra of beads, one below the other, over frequency. `name` is that of their values, without unit.
+/// The spectra of beads, one below the other, over frequency. `name` names their values, without unit.
 pub fn chart(name: &str, beads: &[BeadSpectrum]) -> Chart {
     let several = beads.len() > 1;
     let panels = beads.iter().flat_map(|bead| {

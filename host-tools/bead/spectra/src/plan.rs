@@ -11,26 +11,26 @@ use crate::strike::{Sensors, StrikeSignal};
 pub enum Kind {
     /// Shock response spectrum of the acceleration.
     Shock {
-        /// Of the oscillators, above 0.5.
+        /// Quality of the oscillators, above 0.5.
         quality: f64,
         /// Natural frequencies in an octave.
         per_octave: u32,
     },
     /// Power spectral density by Welch.
     Density {
-        /// Of force or acceleration.
+        /// The signal: force or acceleration.
         of: Sensors,
         /// Samples of a segment.
         segment: usize,
-        /// Over each segment.
+        /// Window over each segment.
         window: Window,
     },
     /// Fourier transform of the whole window.
     Fourier {
-        /// Of force or acceleration.
+        /// The signal: force or acceleration.
         of: Sensors,
     },
-    /// From force to acceleration.
+    /// Transfer from force to acceleration.
     Transfer,
 }
 
@@ -43,12 +43,12 @@ pub struct Wanted {
     pub from: Option<f64>,
     /// Highest frequency, Hz; without it a tenth of the sampling rate.
     pub to: Option<f64>,
-    /// Takes strikes whose flags say that a signal is wrong, or whose window is too short for `from`.
+    /// True to take strikes whose flags say that a signal is wrong, or whose window is too short for `from`.
     pub doubtful: bool,
 }
 
 impl Wanted {
-    /// The sensors that it needs.
+    /// The sensors that the kind needs.
     pub fn sensors(&self) -> Sensors {
         match self.kind {
             Kind::Shock { .. } => Sensors::Acceleration,
@@ -85,7 +85,8 @@ pub struct Plan {
     transform: Option<(Transform, usize)>,
 }
 
-/// A frequency that is doubtful, as the window holds no period of it, is above the lowest over this.
+/// Frequencies of which the window holds no period are doubtful. They may be lower than the lowest by up to
+/// this factor.
 const FAR_BELOW: f64 = 100.0;
 
 /// Why a frequency is too low for a strike.
@@ -98,7 +99,7 @@ fn too_low(from: f64, stretch: &str, seconds: f64) -> String {
 }
 
 impl Plan {
-    /// A plan for strikes that are like this one.
+    /// A plan for strikes like this one.
     ///
     /// # Errors
     /// Its window is too short, or a frequency is beyond what its sampling rate supports; as the end of a
@@ -122,7 +123,7 @@ impl Plan {
             };
             return Err(format!("--to {to} Hz is above {highest} Hz, {why}"));
         }
-        // An oscillator far below it would be followed for hours.
+        // Following an oscillator far below the lowest frequency would take hours.
         let least = if wanted.doubtful {
             lowest / FAR_BELOW
         } else {
@@ -218,7 +219,7 @@ impl Plan {
     }
 }
 
-/// The frequencies of a transform between two of them, without 0, and its plan with the first of them.
+/// The frequencies of a transform from `from` to `to`, without 0, and its plan with the place of the first.
 fn lines(
     length: usize,
     window: Window,

@@ -4,14 +4,14 @@
 //! Oscillators of one quality and of natural frequencies in even steps of an octave stand on a base that
 //! moves as the signal says. The spectrum has the greatest response of each: while the record lasts
 //! (primary), and in the free vibration after it (residual), upward and downward. The frequencies are those
-//! of 1 kHz · 2^(i/n), whatever the record, so spectra of different strikes have the same.
+//! of 1 kHz · 2^(i/n), whatever the record, so spectra of different strikes have the same frequencies.
 
 use std::f64::consts::TAU;
 
 use crate::oscillator::{Oscillator, OscillatorState};
 
-/// Samples in a period of the highest natural frequency at least (ISO 18431-4). The greatest sample of an
-/// oscillation is then low by 5 % at most, and the straight line between samples by 3 %.
+/// Least number of samples in a period of the highest natural frequency (ISO 18431-4). The greatest sample
+/// of an oscillation is then low by 5 % at most, and the straight line between samples by 3 %.
 pub const SAMPLES_IN_A_PERIOD: f64 = 10.0;
 /// The frequency from which steps of an octave count, Hz.
 const ORIGIN: f64 = 1000.0;
@@ -59,7 +59,7 @@ pub enum ResponseKind {
 }
 
 impl ResponseKind {
-    /// All of them.
+    /// All kinds of responses.
     pub const ALL: [Self; 3] = [
         Self::AbsoluteAcceleration,
         Self::PseudoVelocity,
@@ -81,9 +81,9 @@ impl ResponseKind {
 pub struct ShockResponse {
     /// Natural frequency, Hz.
     pub frequency: f64,
-    /// Of the absolute acceleration, m/s².
+    /// Greatest absolute accelerations, m/s².
     absolute: [f64; 5],
-    /// Of ω² times the relative displacement, m/s².
+    /// Greatest values of ω² times the relative displacement, m/s².
     relative: [f64; 5],
 }
 
@@ -120,7 +120,7 @@ fn response(acceleration: &[f64], rate: f64, quality: f64, frequency: f64) -> Sh
         (absolute, relative)
     };
     let during = run(&mut acceleration.iter().copied());
-    // A period of the free vibration has its greatest values to both sides, as it decays.
+    // The free vibration decays, so its first period has its greatest values to both sides.
     let period = rate / (frequency * (1.0 - 0.25 / (quality * quality)).sqrt());
     let after = run(&mut std::iter::repeat_n(0.0, period.ceil() as usize + 1));
     ShockResponse {
@@ -134,7 +134,7 @@ fn response(acceleration: &[f64], rate: f64, quality: f64, frequency: f64) -> Sh
 pub fn frequencies(from: f64, to: f64, per_octave: u32) -> Vec<f64> {
     let steps = f64::from(per_octave);
     let place = |frequency: f64| steps * (frequency / ORIGIN).log2();
-    // A frequency that misses a step by rounding alone is on it.
+    // A frequency that misses a step only by rounding is on it.
     let (first, last) = (
         (place(from) - 1e-9).ceil() as i64,
         (place(to) + 1e-9).floor() as i64,

@@ -42,7 +42,7 @@ impl OverStrikes {
         self.values.mean
     }
 
-    /// The standard deviation of a strike; `None` of one.
+    /// The standard deviation of a strike; `None` for one strike.
     pub fn deviation(&self) -> Option<f64> {
         self.values.deviation()
     }
@@ -53,7 +53,7 @@ impl OverStrikes {
     }
 
     /// P95/50: with an even chance 95 of 100 strikes are below it, if the logarithms of their values are
-    /// normal (NASA-HDBK-7005, 6.1.2). `factor` is that of [`tolerance`] for their number. `None` of fewer
+    /// normal (NASA-HDBK-7005, 6.1.2). `factor` is that of [`tolerance`] for their number. `None` for fewer
     /// than three strikes, or if a value is zero.
     pub fn upper(&self, factor: f64) -> Option<f64> {
         let deviation = self.logarithms.deviation().filter(|_| self.values.count > 2.0)?;
@@ -62,7 +62,7 @@ impl OverStrikes {
     }
 }
 
-/// 95 % of a normal distribution lies below its mean plus this many standard deviations.
+/// 95 % of a normal distribution is below its mean plus this many standard deviations.
 const PART: f64 = 1.644_853_626_951_472_2;
 /// Steps of the integral over the sample's standard deviation.
 const STEPS: usize = 4000;

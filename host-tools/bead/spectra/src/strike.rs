@@ -18,7 +18,7 @@ pub enum Sensors {
     Force,
     /// Acceleration of the intruder.
     Acceleration,
-    /// From force to acceleration.
+    /// Both, for the transfer from force to acceleration.
     Both,
 }
 
@@ -61,12 +61,12 @@ const OF_GAIN: Flags = Flags::GAINS_DIFFER
     .with(Flags::SUPPLY_OFF)
     .with(Flags::SETTINGS_NOT_OWNERS);
 
-/// Which signals are wanted of a strike.
+/// The signals that are wanted of a strike.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SignalsWanted {
-    /// Those of these sensors.
+    /// The sensors of the signals.
     pub sensors: Sensors,
-    /// Takes strikes too whose flags say that a signal is wrong or ends early.
+    /// True to take strikes whose flags say that a signal is wrong or ends early.
     pub doubtful: bool,
     /// Uncertainties in place of those that the strike's settings state.
     pub stated: Option<Uncertainty>,
@@ -166,7 +166,7 @@ mod tests {
     use bead_testing::paper_settings;
     use bead_wire::{Body, Strike};
 
-    /// A whole strike with these flags, of a quiet that ends at a step.
+    /// A whole strike with these flags: quiet until a step.
     fn strike(flags: Flags) -> RecordedStrike {
         let said = Strike {
             first_index: 1000,

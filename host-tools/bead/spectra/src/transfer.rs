@@ -13,9 +13,9 @@ pub struct TransferSums {
 /// A transfer at a frequency.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Transfer {
-    /// Y over X, by the estimate H1: noise in Y has no part in its mean.
+    /// Y over X, by the estimate H1: noise in Y does not bias its mean.
     pub value: Complex64,
-    /// γ², the part of Y's power that X explains; `None` of one strike, where it would be 1 whatever was
+    /// γ², the part of Y's power that X explains; `None` for one strike, where it would be 1 whatever was
     /// measured.
     pub coherence: Option<f64>,
     /// Relative standard uncertainty of the magnitude by the scatter of the strikes: √((1 - γ²)/(2 n γ²))

@@ -13,7 +13,7 @@ use indicatif::ProgressBar;
 use crate::cli::recordings::open_all;
 use bead_console::failure::Failure;
 
-/// Strikes that a line names.
+/// Greatest number of strikes that a line names.
 const NAMED: usize = 4;
 
 /// Options of commands that take some strikes of one or many recordings.
@@ -38,7 +38,7 @@ impl StrikeChoice {
     /// recording. Returns the names of the recordings.
     ///
     /// # Errors
-    /// A recording cannot be read, one alone has no strike, or `take` fails.
+    /// A recording cannot be read, the only one has no strike, or `take` fails.
     pub(crate) fn each_strike<T: Default>(
         &self,
         progress: &ProgressBar,
@@ -81,8 +81,8 @@ impl StrikeChoice {
         self.bead.is_none_or(|wanted| wanted == address)
     }
 
-    /// Refuses a bead of which no strike is there, and strikes of which none is; names single ones that are
-    /// not.
+    /// Refuses a bead without strikes, and a choice of strikes of which none exists. A note names single
+    /// missing ones.
     pub(crate) fn check<T>(&self, beads: &[GatheredBead<T>]) -> Result<(), Failure> {
         let addresses: Vec<u8> = beads.iter().map(|bead| bead.address).collect();
         if let Some(bead) = self.bead.filter(|bead| !addresses.contains(bead)) {

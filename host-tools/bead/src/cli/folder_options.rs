@@ -87,7 +87,8 @@ impl FolderOptions {
         }
     }
 
-    /// The folders with their recordings. Files that are none are named on standard error.
+    /// The folders with their recordings. Files that only have the name of a recording are named on
+    /// standard error.
     pub(crate) fn open(&self) -> Result<Vec<Logbook>, Failure> {
         let mut logbooks = Vec::new();
         for folder in &self.folders {

@@ -36,7 +36,7 @@ pub(crate) fn now() -> DateTime<Utc> {
     SystemTime::now().into()
 }
 
-/// Today, in UTC. `None` if this computer's clock is of no day from 2020 on.
+/// Today, in UTC. `None` if this computer's clock shows a day before 2020.
 pub(crate) fn today() -> Option<Day> {
     Day::at(now().timestamp())
 }

@@ -9,23 +9,23 @@ use bead_recording::file::{Recording, State, add_notes};
 
 use bead_console::failure::Failure;
 
-/// Opens all of them, before anything is made of the first.
+/// Opens all recordings, before the first is used.
 ///
 /// # Errors
-/// One cannot be read, or is given twice.
+/// A recording cannot be read, or is given twice.
 pub(crate) fn open_all(paths: &[PathBuf]) -> Result<Vec<Recording>, Failure> {
     each_once(paths)?;
     let open = |path: &PathBuf| Ok(Recording::open_named(path)?);
     paths.iter().map(open).collect()
 }
 
-/// Refuses recordings of which one gets no note, before the first is written.
+/// Refuses all recordings if one of them cannot get a note, before the first is written.
 ///
 /// # Errors
-/// One is cut or damaged.
+/// A recording is cut or damaged.
 pub(crate) fn check_notable(recordings: &[Recording]) -> Result<(), Failure> {
     if let Some(cut) = recordings.iter().find(|one| one.state != State::Whole) {
-        // It says why, and writes nothing.
+        // `add_notes` returns the reason, and writes nothing.
         add_notes(&cut.path, &[])?;
     }
     Ok(())
@@ -34,7 +34,7 @@ pub(crate) fn check_notable(recordings: &[Recording]) -> Result<(), Failure> {
 /// Refuses a recording that is given twice.
 ///
 /// # Errors
-/// One is, or cannot be read.
+/// A recording is given twice, or cannot be read.
 pub(crate) fn each_once(paths: &[PathBuf]) -> Result<(), Failure> {
     let mut seen = HashSet::new();
     for path in paths {

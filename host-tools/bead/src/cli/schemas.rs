@@ -41,7 +41,7 @@ pub fn of_results() -> BTreeMap<&'static str, Value> {
     add("command-raw", of::<command::Streamed>("command raw"));
     add("command-reboot", of::<command::Rebooted>("command reboot"));
     let mut identity = of_body(Kind::Identity);
-    // Null from a bead that sends none.
+    // `board` is null from a bead that sends none.
     identity["properties"]["board"] = json!({ "anyOf": [of_body(Kind::Board), { "type": "null" }] });
     add("command-identity", described(identity, "command identity"));
     add("command-keep", of::<command::Kept>("command keep"));

@@ -45,7 +45,7 @@ fn set(choice: &mut Choice, text: &str) -> Result<bool, String> {
 }
 
 impl WaveformOptions {
-    /// Refuses items that nothing would look at, since `file` is not given.
+    /// Refuses items where `file` is not given, since nothing would read them.
     pub(crate) fn without(&self, file: &str) -> Result<(), Failure> {
         if self.read.is_empty() {
             return Ok(());

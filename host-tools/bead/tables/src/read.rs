@@ -21,12 +21,13 @@ use crate::guarded::guarded;
 use crate::printable::{beginning, one_line};
 use crate::table::{Cell, CellKind, Column};
 
-/// Rows of a [`Batch`] at most, and its cells where a table has many columns.
+/// Greatest number of rows of a [`Batch`], and of its cells where a table has many columns.
 const BATCH_ROWS: usize = 1 << 14;
 const BATCH_CELLS: usize = 1 << 20;
-/// Rows for each byte of a file at most. Even times beside a force at rest have some 100.
+/// Greatest number of rows for each byte of a file. Evenly spaced times beside a force at rest reach some
+/// 100.
 const ROWS_PER_BYTE: u64 = 1000;
-/// Characters of the library's messages, which may quote names of any length.
+/// Greatest number of characters of the library's messages, which may quote names of any length.
 const MESSAGE_LENGTH: usize = 300;
 
 /// A Parquet file could not be read. The message is the end of a sentence that begins with the file's name.
@@ -41,7 +42,7 @@ pub enum ReadError {
     /// It is not Parquet, or damaged.
     #[error("is no Parquet file, or a damaged one: {0}")]
     Damaged(String),
-    /// Its columns are compressed in a way that is not read.
+    /// Its columns are compressed in an unsupported way.
     #[error(
         "is compressed with {0}, which is not read; write it with zstd: df.write_parquet(path, compression=\"zstd\") in polars"
     )]
@@ -122,7 +123,7 @@ impl Reader {
         &self.columns
     }
 
-    /// The unit of a column of times, which its type tells: `ms`, `us` or `ns`.
+    /// The unit of a column of times, from its type: `ms`, `us` or `ns`.
     pub fn time_unit(&self, column: usize) -> Option<&'static str> {
         self.forms[column].time_unit
     }
@@ -196,7 +197,7 @@ fn sum(numbers: impl Iterator<Item = i64>) -> u64 {
 struct CellForm {
     /// Definition level of a value that is not null.
     known_at: i16,
-    /// A whole number is divided by this power of ten, in a column of decimals.
+    /// Power of ten by which the whole numbers of a column of decimals are divided.
     decimal: Option<f64>,
     is_unsigned: bool,
     time_unit: Option<&'static str>,
@@ -258,7 +259,7 @@ struct Batches<'a> {
     places: Vec<usize>,
     /// The next row group.
     group: usize,
-    /// Columns of the row group that is read, and its rows that are left.
+    /// Columns of the current row group, and its remaining rows.
     open: Vec<(ColumnReader, CellForm)>,
     left: usize,
 }

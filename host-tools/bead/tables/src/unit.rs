@@ -146,7 +146,7 @@ impl Unit {
         UNITS.iter().find(|unit| unit.symbol == symbol)
     }
 
-    /// The symbol with the prefix that makes numbers up to `greatest` short, and what to divide them by.
+    /// The symbol with the prefix that makes numbers up to `greatest` short, and the divisor for them.
     pub fn prefixed(&self, greatest: f64) -> (String, f64) {
         // Prefixes of a mass go with the gram. A density in kg/m³ and a unit with a power take none.
         let (symbol, size) = match self.symbol {
@@ -180,8 +180,8 @@ pub fn parse(text: &str) -> Option<&'static Unit> {
     UNITS.iter().find(|unit| unit.spellings.contains(&plain.as_str()))
 }
 
-/// The quantity of a size with its unit, such as `8.9N` or `N`, and its value in the SI unit. A voltage is
-/// none, as its force is unknown.
+/// The quantity of a size with its unit, such as `8.9N` or `N`, and its value in the SI unit. `None` for a
+/// voltage, as its force is unknown.
 pub fn parse_size(text: &str) -> Option<(Quantity, f64)> {
     let text = text.trim();
     // The divisor may be named: newtons per volt, or per full scale.

@@ -68,7 +68,7 @@ impl Target {
         }
     }
 
-    /// Sets whether the file replaces one of its name.
+    /// Sets whether the file replaces an existing one of its name.
     #[must_use]
     pub fn replacing(self, replaces: bool) -> Self {
         Self { replaces, ..self }
@@ -105,7 +105,7 @@ impl Target {
         &self.path
     }
 
-    /// True if the file may replace one of its name.
+    /// True if the file may replace an existing one of its name.
     pub fn replaces(&self) -> bool {
         self.replaces
     }

@@ -50,7 +50,7 @@ impl Page {
                 break address.to_owned();
             }
         };
-        // It would stop if nobody read on.
+        // Chromium would block if nobody read its output.
         thread::spawn(move || std::io::copy(&mut said, &mut std::io::sink()));
         let (line, _) = tungstenite::connect(devtools).unwrap();
         let mut page = Self {
@@ -111,7 +111,7 @@ fn url(monitor: &mut RunningProgram) -> String {
     url.unwrap_or_else(|| panic!("no address in {line}")).to_owned()
 }
 
-/// A socket at which a bead is that was struck once and says what no page may take for its own.
+/// Serves a bead that was struck once, at a socket. Its fault has a text that no page may take for markup.
 fn hostile_bead(folder: &TestFolder) {
     let mut bead = Speaker::at(7);
     let codes = (0..3000).map(|sample| {
@@ -131,7 +131,7 @@ fn hostile_bead(folder: &TestFolder) {
     thread::spawn(move || {
         let (mut line, _) = listener.accept().unwrap();
         line.write_all(&bead.bytes).unwrap();
-        // It stays until the monitor hangs up.
+        // The bead stays until the monitor hangs up.
         let _ = line.read(&mut [0]);
     });
 }

@@ -103,7 +103,7 @@ fn the_ratio_of_two_beads_lacks_what_they_share_if_they_name_one_calibration() {
     let shares = [&shared, &apart].map(|one| &one["shares_calibration"]);
     assert_eq!(shares, [true, false]);
     let u = |ratio: &Value, result: &str| ratio[result]["u"].as_f64().unwrap();
-    // Without what is shared, k, c and m of both are left: of A sqrt(2) of 2.1 %.
+    // Without the shared part, k, c and m of both beads are left: sqrt(2) times 2.1 % of A.
     for result in ["measured", "predicted"] {
         assert_eq!(shared[result]["value"], apart[result]["value"]);
         assert!(u(&shared, result) < 0.8 * u(&apart, result), "{shared} {apart}");

@@ -25,7 +25,7 @@ fn stated(dimension: Dimension, text: &str) -> Stated {
     dimension.parse(text).unwrap()
 }
 
-/// Records six drops from 100 mm, of which some go wrong; returns the true worth of a code.
+/// Records six drops from 100 mm, of which some go wrong; returns the true force of a code.
 fn record(folder: &TestFolder, name: &str, faults: Vec<(usize, DropFault)>) -> f64 {
     let settings = paper_settings();
     let bead = SimulatedBead::drawn(&settings, &mut chance(3, 0));
@@ -57,7 +57,7 @@ fn a_person_without_hardware_calibrates_a_bead_by_the_commands_of_the_page() {
     // Formulas and printed tables stand between fences.
     let page: String = page.split("```").step_by(2).collect();
     let lines: Vec<String> = blocks(&page).into_iter().map(|(_, line)| line).collect();
-    // A line that ends with a backslash goes on.
+    // A line that ends with a backslash continues.
     let typed = lines.join("\n").replace("\\\n", "");
     let printed: Vec<_> = typed.lines().map(|line| (line, shell(&folder, line))).collect();
     assert_eq!(printed.len(), 15);
@@ -130,7 +130,7 @@ fn conformity_takes_the_uncertainty_into_account_and_an_expired_reference_is_ref
         folder.run(&line).status.code()
     };
     println!("the settings are off by {off:.2} %");
-    // U is some 0.3 %: a tolerance that is wider by less than that is no acceptance.
+    // U is some 0.3 %: a tolerance that exceeds the deviation by less than that is no acceptance.
     assert_eq!((judged(1.0), judged(0.05)), (Some(0), Some(1)));
 
     folder.done("calibrate about about.toml");
@@ -170,7 +170,7 @@ fn a_live_bead_is_recorded_until_its_drops_are_done() {
     let bead = thread::spawn(move || {
         let (mut stream, _) = listener.accept().unwrap();
         stream.write_all(&sent).unwrap();
-        // A bead goes on to send, if only its status, until the program hangs up.
+        // A bead keeps sending, if only its status, until the program hangs up.
         while stream.write_all(&[0]).is_ok() {
             thread::sleep(Duration::from_millis(50));
         }

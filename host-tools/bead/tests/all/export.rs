@@ -212,7 +212,8 @@ fn the_columns_and_the_bytes_are_the_same_every_time() {
         assert_eq!(names, columns(&folder.join("quiet").join(table)));
         assert_eq!(names.iter().collect::<BTreeSet<_>>().len(), names.len());
     }
-    // The name is empty, what the settings do not state, and what the bead of the first image did not send.
+    // Empty are the name, values that the settings do not state, and values that the first image did not
+    // send.
     let rows = parquet(&folder.join("strike/strikes.parquet"));
     let unknown = rows.iter().filter(|(_, values)| values[0].is_null());
     let groups = "bead_name conditions_ left_ settings_followers_ settings_sensor_end_ settings_supply_ \
@@ -265,7 +266,7 @@ fn a_window_without_its_first_frames_is_exported_with_the_gap_as_null_and_what_c
     });
     let first = 672usize.strict_sub(lossy.0);
     assert!((1..100).contains(&first) && whole.0 == 672, "{first}");
-    // A row each, also of those that were lost, at the same index.
+    // One row for each scan, even for lost ones, at the same index.
     assert_eq!(lossy.1, whole.1);
     assert!(lossy.2[..first].iter().all(String::is_empty));
     assert_eq!(lossy.2[first..], whole.2[first..]);

@@ -24,7 +24,8 @@ fn spoil(vectors: &[usize], path: &Path) {
     let is_flash = |header: &usize| word(*header) == LOAD && word(header + 8) == FLASH;
     let table = word(headers.find(is_flash).unwrap() + 4) as usize;
     for vector in vectors {
-        // The loader starts an image only if its start lies in it: erased flash there is no instruction.
+        // The loader starts an image only if its start address is inside it. Erased flash at that address
+        // is no instruction.
         let nowhere = if *vector == RESET {
             0x0805_fff1
         } else {

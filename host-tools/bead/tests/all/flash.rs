@@ -115,7 +115,7 @@ impl FakeProbe {
         command.current_dir(&*self.folder).args(["flash", "--probe"]);
         command.args(line.split_whitespace());
         command.env("PATH", format!("{}:{path}", self.folder.join("bin").display()));
-        // Set by somebody who tries things out, it would make every command of probe-rs a play.
+        // If a user has set this, every command of probe-rs would be a dry run.
         command.env("PROBE_RS_DRY_RUN", "1");
         command.output().unwrap()
     }
@@ -124,7 +124,7 @@ impl FakeProbe {
         fs::read_to_string(self.folder.join("part/log")).unwrap_or_default()
     }
 
-    /// Asserts that the command fails so, and that nothing of the part was changed.
+    /// Asserts that the command fails in this way, and that nothing of the part was changed.
     fn refused(&self, line: &str, status: i32, part: &str) {
         let state = || ["part/optcr", "part/flash"].map(|name| self.folder.read(name));
         let before = state();
@@ -197,12 +197,12 @@ fn a_part_that_cannot_be_a_bead_or_cannot_be_flashed_is_left_as_it_is() {
 #[test]
 fn the_brown_out_level_is_set_and_no_other_option_bit() {
     let bench = FakeProbe::new();
-    // A watchdog that hardware starts, and a sector that the image leaves alone protected.
+    // A watchdog that hardware starts, and protection of a sector outside the image.
     bench.folder.write("part/optcr", "07ffaacd\n");
     let report = json(bench.run("image --brownout --format json"));
     assert_eq!(report["brown_out_level"], 3);
     assert_eq!(bench.folder.text("part/optcr"), "07ffaac0\n");
-    // It is set already: nothing is written to the option bytes.
+    // The level is already set: nothing is written to the option bytes.
     let writes = |log: String| log.lines().filter(|line| line.starts_with("write")).count();
     assert_eq!(writes(bench.log()), 4);
     done(bench.run("image --brownout"));

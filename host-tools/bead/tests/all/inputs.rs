@@ -2,9 +2,9 @@
 //!
 //! # Design
 //! A row holds the exit status, a part of the message, and the command line, between bars. It runs in a
-//! folder of its own with the files of [`fixture`], and must keep three rules beside: the message is one
-//! line; every file stays as it was unless the row has `--overwrite`; and a command that fails leaves no new
-//! file.
+//! folder of its own with the files of [`fixture`], and must also keep three rules: the message is one
+//! line; every file stays as it was unless the row has `--overwrite`; and a command that fails leaves no
+//! new file.
 //!
 //! A command line may end with `< FILE`, `> /dev/full`, or `| head -1`. `\xFF` in a word is that byte.
 //! `@gone` is a port whose other end hangs up at once, `@noise` sends bytes that are no frames, and `@silent`
@@ -60,7 +60,7 @@ fn cases() -> Vec<InputCase> {
     rows.map(case).collect()
 }
 
-/// Writes scenarios with one thing wrong, each.
+/// Writes scenarios, each with one thing wrong.
 fn wrong_scenarios(scenario: &str, write: &dyn Fn(&str, &[u8])) {
     for (name, was, is) in [
         ("key", "radius = 0.019 ", "radios = 0.019 "),
@@ -305,7 +305,7 @@ fn every_wrong_input_is_told_in_one_line_and_loses_nothing() {
     let ports = tempfile::tempdir().unwrap();
     serve(ports.path());
     let mut cases = cases();
-    // A build of these tests alone does not make the program of the figures.
+    // Building only these tests does not build the program of the figures.
     if !Path::new(PROGRAM).with_file_name("bead-figures").exists() {
         eprintln!("SKIPPED: the rows of `bead figures`; `cargo build --release -p bead-figures` makes it");
         cases.retain(|case| !case.words.starts_with("figures"));

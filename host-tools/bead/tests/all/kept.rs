@@ -72,7 +72,7 @@ impl StoringBead {
         self.introduce();
     }
 
-    /// Sends the frames that the bead said, but for those that the line loses.
+    /// Sends the bead's frames, except those that the line loses.
     fn send(&mut self) {
         let bytes = mem::take(&mut self.bead.speaker.bytes);
         for frame in bytes.split_inclusive(|byte| *byte == 0) {
@@ -275,12 +275,12 @@ fn several_beads_go_into_one_recording_and_what_is_wrong_at_a_port_costs_a_line(
     assert_eq!(received.beads.len(), 2);
     for (bead, of) in [&seven, &eight].into_iter().zip(received.each()) {
         let names = whole(&of);
-        // The recording has all from its first one on.
+        // The recording has all strikes since its first.
         assert!(names.len() > 25 && bead.measured().ends_with(&names), "{names:?}");
     }
     drop(silent);
 
-    // Two beads with one address: the first that is heard is recorded.
+    // Two beads with one address: the first that sends is recorded.
     fs::remove_file(path.join("a.mcap")).unwrap();
     let mut other = StoringBead::new(path, "other.sock", 7);
     let recorder = record(path, "--port unix:seven.sock --port unix:other.sock");

@@ -155,7 +155,7 @@ fn ci_and_people_get_their_files_and_the_recording_its_verdict() {
     let found = folder.json("list --verdict fail --format json");
     assert_eq!(found["recordings"][0]["notes"]["limits"], "l.toml A & <B>");
     assert_says(&folder.done("note x.mcap"), "Lima");
-    // The verdict is not of the strikes' bytes.
+    // The noted verdict does not change the strikes' bytes.
     folder.done("replay x.mcap");
     folder
         .refused("2 | is an input of this command | judge x.mcap --limits l.toml --junit x.mcap --overwrite");

@@ -74,7 +74,7 @@ fn notes_are_added_replaced_and_withdrawn_and_what_was_recorded_stays() {
     assert_eq!(folder.names(), "x.mcap");
     folder.done("replay x.mcap");
 
-    // A recording that is cut gets none, and of several none gets one then.
+    // A recording that is cut gets no note, nor do others that are named with it.
     let whole = folder.read("x.mcap");
     folder.write("cut.mcap", &whole[..whole.len() / 2]);
     let output = folder.run("note x.mcap cut.mcap more=1");

@@ -198,10 +198,10 @@ fn a_signal_gives_the_terminal_back_and_a_terminal_that_closes_completes_the_rec
             let children = format!("/proc/{0}/task/{0}/children", shell.trim());
             crate::program::signal("TERM", fs::read_to_string(children).unwrap().trim());
             assert_eq!(terminal.ended(), "0");
-            // The page was on a screen of its own.
+            // The page was on the alternate screen.
             assert!(!terminal.text().contains("q quit"), "{}", terminal.text());
         }
-        // The strike that was shown is in it, with its samples.
+        // The shown strike is in the recording, with its samples.
         let recording = terminal.recording();
         let strike = recording.strikes().unwrap().find(|strike| strike.address == 7);
         assert!(strike.is_some_and(|strike| strike.missing() == 0));

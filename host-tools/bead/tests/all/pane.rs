@@ -47,7 +47,7 @@ impl Attributes {
     }
 }
 
-/// Draws the cells of a terminal with this many columns, as `tmux capture-pane -e` gives them.
+/// Draws the cells of a terminal with this many columns, as `tmux capture-pane -e` prints them.
 pub(crate) fn svg(cells: &str, columns: usize, title: &str) -> String {
     let lines = cells.lines().count();
     let (width, height) = (

@@ -17,7 +17,7 @@ use bead_testing::Speaker;
 use bead_wire::{Acceleration, Body, Codes, Energy, Force, Message, Strike, StrikeFlags, Waveform};
 use rustix::{pty, termios};
 
-/// A bead in its second boot, about to say the frame with this number.
+/// A bead in its second boot, about to send the frame with this number.
 fn speaker(sequence: u32) -> Speaker {
     Speaker {
         boot: 1,
@@ -278,7 +278,7 @@ fn standard_error_that_is_closed_costs_no_recording() {
     bead.write_all(&identity(0)).unwrap();
     let (reader, closed) = io::pipe().unwrap();
     drop(reader);
-    // It ends between two ends of a file.
+    // The recorder ends between two changes of the file.
     let record = format!("record --port {port} --out a.mcap --split 1 --duration 1.5");
     let mut command = interruptible(&folder, &record);
     let mut recorder = command.stdout(Stdio::null()).stderr(closed).spawn().unwrap();

@@ -75,8 +75,8 @@ fn a_key_that_the_bead_may_have_taken_is_kept() {
             // The bead refuses the unsigned copy.
             bead.reply(asked.number, Outcome::Unsigned);
         } else {
-            // The bead takes the key, and its reply is lost. So is its identity, by which the command would
-            // know.
+            // The bead takes the key, and its reply is lost. So is the bead's identity, which would show
+            // that it has the key.
             bead.sequence += 1;
             if !is_key {
                 bead.reply(asked.number, Outcome::Done);

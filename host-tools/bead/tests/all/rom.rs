@@ -37,7 +37,7 @@ struct RomLoader {
     part: u16,
     is_locked: bool,
     erased: Vec<u16>,
-    /// Where Go led to.
+    /// Address to which Go led.
     started: Option<u32>,
     /// Bytes received in all.
     bytes: usize,
@@ -63,7 +63,7 @@ impl RomLoader {
         }
     }
 
-    /// Takes bytes and gives the answer.
+    /// Takes bytes and returns the answer.
     fn take(&mut self, bytes: &[u8]) -> Vec<u8> {
         let mut answer = Vec::new();
         for byte in bytes {
@@ -181,8 +181,9 @@ impl RomLoader {
         self.erased.push(sector);
     }
 
-    /// Runs what Go led to, and gives the word that it writes and its address. It may load words, store
-    /// one, and then stand still (ARMv7-M manual: LDR literal, STR immediate, B, encodings T1 and T2).
+    /// Runs the code that Go started, and returns the word that it writes and its address. It may load
+    /// words, store one, and then stand still (ARMv7-M manual: LDR literal, STR immediate, B, encodings T1
+    /// and T2).
     fn stored(&self) -> Option<(u32, u32)> {
         let start = self.started?;
         assert!((RAM..0x2002_0000).contains(&self.word(start)), "a stack in RAM");

@@ -197,7 +197,7 @@ fn a_check_that_says_no_names_its_bead_and_a_replay_that_differs_is_the_gravest(
     let velocity = number(&compared["striker_velocity"]["velocity"]);
     assert!((velocity / 0.45 - 1.0).abs() < 1e-3, "{velocity}");
     assert!(number(&compared["striker_velocity"]["uncertainty"]) < 1e-3);
-    // One bead of a row is compared as a bead alone.
+    // One bead of a row is compared like a single bead.
     let (compared, _) = row.compared("--bead 8", 0);
     assert_eq!((&compared["bead"], &compared["pass"]), (&8.into(), &true.into()));
 }

@@ -31,7 +31,7 @@ fn the_published_schemas_are_those_of_the_types() {
     for (name, schema) in &schemas {
         schema::hold(SCHEMAS, name, schema);
     }
-    // `bead figures` is a program of its own, and its tests hold its schema.
+    // `bead figures` is a separate program, whose tests check its schema.
     let known: BTreeSet<_> = schemas.keys().copied().chain(["figures"]).collect();
     let published = names(Path::new(SCHEMAS));
     let published = published.iter().map(|name| name.trim_end_matches(".json"));
@@ -179,7 +179,7 @@ fn results_of_recordings_hold_their_schemas_whatever_the_verdict() {
     for (name, line) in [
         ("compare", "compare good.mcap --velocity fit"),
         ("compare", "compare twice.mcap"),
-        // Against itself, and against a force alone.
+        // Against itself, and against only a force.
         ("compare-reference", "compare good.mcap --reference good.mcap"),
         ("compare-reference", "compare good.mcap --reference force.csv"),
         ("note", "note good.mcap operator=Ana"),
@@ -213,7 +213,7 @@ fn results_of_the_image_hold_their_schemas() {
     for more in [
         "--strikes 2 --out run --uncertainty stated.toml",
         "--strikes 4 --faults faults.toml",
-        // A waveform of both sensors, and one of the force alone.
+        // A waveform of both sensors, and one of the force only.
         "--stimulus x.mcap",
         "--stimulus force.csv",
         // No strike is seen.

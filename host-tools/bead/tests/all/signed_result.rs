@@ -32,7 +32,8 @@ fn a_result_is_calibrated_struck_identified_analysed_judged_and_signed_by_the_co
     let line = lines.find(|line| line.contains("-Y verify")).unwrap();
     let refused = shell(&folder, &format!("! {line}"));
     assert!(!refused.contains("Good"), "{refused}");
-    // The calibration's errors are in the energies, and what the bead states of them covers the chain's.
+    // The calibration's errors are in the energies, and the uncertainties that the bead states cover the
+    // chain's values.
     let compared =
         "bead compare run/bead-8.mcap --scenario docs/scenarios/simulated-bead.toml --format json || true";
     let compared: Value = serde_json::from_str(&shell(&folder, compared)).unwrap();

@@ -134,7 +134,7 @@ fn a_table_has_the_same_bytes_whatever_the_threads_and_the_chunks() {
 #[test]
 fn a_sweep_that_was_killed_goes_on_where_it_was() {
     let folder = folder(&axis("striker.velocity", "linspace = [0.2, 1.2, 12000]"));
-    // The command alone would make chunks of five seconds. It goes on with planned ones.
+    // The command itself would make chunks of five seconds. It continues with planned ones.
     folder.done("sweep plan sweep.toml --dir a.parquet.sweep --chunks 40");
     let parts = || names(&folder.join("a.parquet.sweep")).len();
     for signal in ["INT", "KILL"] {

@@ -152,7 +152,8 @@ fn files_of_numpy_matlab_and_polars_hold_the_same_waveform_as_the_table_that_the
     ] {
         assert_eq!(against(&folder, &reference), wanted, "{reference}");
     }
-    // Without a column of time, by a rate and by the interval in the file. Times count from the first row.
+    // Files without a column of time: by a rate, and by the interval in the file. Times count from the
+    // first row.
     let no_times = against(&folder, "force.npy --read force=1:N --read rate=100000");
     let channels = "matrix.mat --read force=m_1:N --read acceleration=m_2:m/s2";
     let matrix = against(&folder, channels);

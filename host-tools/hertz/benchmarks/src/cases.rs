@@ -4,8 +4,8 @@ use hertz_chain::{Accuracy, Intruder, Oscillator, Scenario};
 
 use crate::ours;
 
-/// A chain, and its motion as a converged run of the simulator has it. How far a converged run of another
-/// solver is from that is measured with each case, for the simulator is compared here too.
+/// A chain, and its motion in a converged run of the simulator. Since the simulator is compared here too, the
+/// difference of a converged run of another solver is measured with each case.
 pub(crate) struct Case {
     pub(crate) name: &'static str,
     pub(crate) what: &'static str,

@@ -66,7 +66,7 @@ impl WithSimd for Roots {
     }
 }
 
-/// One thread.
+/// A pool of one thread.
 pub(crate) static ALONE: LazyLock<ThreadPool> = LazyLock::new(|| {
     let pool = ThreadPoolBuilder::new().num_threads(1).build();
     pool.expect("a thread can be had")
@@ -103,7 +103,7 @@ pub(crate) fn measure(report: &mut Measurements, quick: bool) {
         chains.len()
     );
     report.goal(name, Some(error), Aim::AtMost(1e-6), "of that energy");
-    // All that a chain can do but take the square roots of all contacts at every stage is in the rest.
+    // The rest of the time goes to all but the square roots of all contacts at every stage.
     let name = "the same: share of what the square roots of all contacts alone would allow";
     report.goal(name, Some(rate / bound), Aim::AtLeast(0.3), "");
 }

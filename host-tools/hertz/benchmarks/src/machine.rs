@@ -5,9 +5,9 @@ use serde::Serialize;
 
 #[derive(Debug, Clone, Serialize)]
 pub(crate) struct Computer {
-    /// As its system names it.
+    /// Name that the system gives it.
     processor: String,
-    /// How many this process may use.
+    /// Cores that this process may use.
     cores: usize,
     /// f64 in one of the vectors that this run uses.
     vector_lanes: usize,

@@ -28,7 +28,7 @@ pub(crate) fn print() {
     println!("{}", seconds.map(|seconds| seconds.to_string()).join(" "));
 }
 
-/// A round of a program.
+/// Runs a round of a program.
 fn round(program: &Path) -> Result<Vec<f64>, String> {
     let told = Command::new(program).arg("--pace").output();
     let told = told.map_err(|error| format!("cannot run {}: {error}", program.display()))?;

@@ -10,8 +10,8 @@ use crate::machine::Computer;
 /// Error, as a part of the greatest velocity, and seconds.
 pub(crate) type ErrorAndTime = (f64, f64);
 
-/// The settings that no other one surpasses in both error and time, by error. Noise of a clock leaves steps,
-/// not returns.
+/// The settings that no other one surpasses in both error and time, by error. Noise of the clock leaves steps
+/// in the time, but no increase.
 pub(crate) fn front(mut points: Vec<ErrorAndTime>) -> Vec<ErrorAndTime> {
     points.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut least = f64::INFINITY;
@@ -50,7 +50,7 @@ pub(crate) struct Foreign {
     milliseconds: Option<f64>,
     #[serde(skip_deserializing, skip_serializing_if = "Option::is_none")]
     chains_per_second: Option<f64>,
-    /// How many times faster the simulator is.
+    /// Factor by which the simulator is faster.
     #[serde(skip_deserializing, skip_serializing_if = "Option::is_none")]
     simulator_faster: Option<f64>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -83,12 +83,12 @@ pub(crate) struct Comparison {
     pub(crate) sampled: bool,
     /// Greatest error allowed, as a part of the greatest velocity.
     pub(crate) allowed: f64,
-    /// How far a converged run of another solver is from the motion that the errors are taken from, in the
-    /// same measure.
+    /// Difference between a converged run of another solver and the motion that the errors are taken from, in
+    /// the same measure.
     pub(crate) reference: f64,
     /// The simulator first.
     pub(crate) rows: Vec<SolverRow>,
-    /// How many times faster than the best of the others it should be.
+    /// Factor by which it should be faster than the best of the others.
     pub(crate) target: f64,
 }
 
@@ -99,7 +99,7 @@ pub(crate) enum Aim {
     AtMost(f64),
 }
 
-/// A number that was aimed at.
+/// A number with its target.
 #[derive(Debug, Serialize)]
 pub(crate) struct Goal {
     pub(crate) name: String,

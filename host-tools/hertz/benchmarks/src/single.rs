@@ -7,7 +7,7 @@ use crate::ours::{self, SAMPLES};
 use crate::peers::{Peer, PeerChain};
 use crate::report::{Comparison, SolverRow, front};
 
-/// Gives velocities of all bodies at the end, or at each sample.
+/// Returns velocities of all bodies at the end, or at each sample.
 type Runner<'a> = Box<dyn Fn() -> Option<Vec<f64>> + 'a>;
 
 /// The simulator's name.
@@ -77,7 +77,7 @@ impl<'a> TriedSettings<'a> {
     }
 }
 
-/// Errors from here on are no results.
+/// Errors from this one up do not count as results.
 const LARGEST: f64 = 1e-3;
 
 fn compare_sized<const D: usize>(case: &Case, sampled: bool, rounds: usize) -> Comparison {

@@ -48,7 +48,7 @@ impl Absorption {
 }
 
 impl Solution {
-    /// The energy that each intruder has taken by time `t`, s, bead by bead. Panics as [`Solution::at`].
+    /// The energy that each intruder has taken by time `t`, s, bead by bead. Panics like [`Solution::at`].
     pub fn absorption(&self, t: f64) -> Vec<Absorption> {
         Absorption::all(&self.at(t))
     }

@@ -3,7 +3,7 @@
 //! # Design
 //!
 //! A [`Sampler`](crate::Sampler) computes the motion of the whole chain at each time. A curve keeps one
-//! coordinate of each step as a polynomial and computes that alone, some twenty times faster.
+//! coordinate of each step as a polynomial and computes only that, some twenty times faster.
 
 use std::sync::Arc;
 
@@ -117,7 +117,7 @@ impl Curve {
             CurveQuantity::Force(contact) => self.model.force_at(contact, place, rate),
             CurveQuantity::ForceBeyond(contact) => self.model.force_beyond_at(contact, place, rate),
             CurveQuantity::Acceleration(intruder) => {
-                // It is the only one in its bead, and so carries none.
+                // The only intruder in its bead, so it carries no other.
                 self.model.acceleration_at(intruder, |_| (place, rate))
             }
         }

@@ -1,4 +1,4 @@
-//! Linear waves of a loaded chain whose beads, or cells of some beads, are all alike.
+//! Linear waves of a loaded chain of identical beads, or of identical cells of several beads.
 //!
 //! Small waves see a spring K = (3/2) κ^(2/3) F₀^(1/3) at each contact. In a chain of equal beads, a wave of
 //! wave number q (radians from bead to bead) in shells of m₁ = M - m, each with a mass m on a spring k, has
@@ -9,10 +9,10 @@
 //!
 //! from the equations of motion with V, u ~ exp(i(q n - ω t)). The lesser root is the acoustic branch, in
 //! which bead and intruder move together; the greater one is the optical branch. Between them lies a gap. A
-//! cell of several beads has a branch for each bead and each intruder: ω² are the eigenvalues of a Hermitian
-//! matrix, in which the contact from cell to cell has the factor exp(iq). So are those of a bead with several
-//! intruders, one band for each. Dampers and viscous contacts are
-//! left out: they widen the edges and do not move them at first order.
+//! cell of several beads has a branch for each bead and each intruder: ω² are the eigenvalues of a
+//! Hermitian matrix, in which the contact from cell to cell has the factor exp(iq). A bead with several
+//! intruders is such a cell too, with a band for each intruder. Dampers and viscous contacts are left out:
+//! they widen the edges and do not move them at first order.
 
 use std::f64::consts::{PI, TAU};
 
@@ -45,7 +45,7 @@ struct CellBead {
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct CellIntruder {
     oscillator: Oscillator,
-    /// The intruder of this bead that carries it, if it is not the bead itself.
+    /// The intruder of this bead that carries this one; `None` if the bead does.
     carrier: Option<usize>,
 }
 
@@ -73,8 +73,8 @@ impl Dispersion {
     /// Waves of a scenario's chain, far from its ends.
     ///
     /// # Errors
-    /// [`InputError`]: the scenario is out of range, its chain has no static load, or its beads and intruders
-    /// do not repeat twice or more often.
+    /// [`InputError`]: the scenario is out of range, its chain has no static load, or its pattern of beads
+    /// and intruders does not repeat at least twice.
     pub fn of(scenario: &Scenario) -> Result<Self, InputError> {
         let model = Model::of(scenario)?;
         if scenario.chain.precompression == 0.0 {
@@ -127,8 +127,8 @@ impl Dispersion {
         self.cell.len()
     }
 
-    /// Frequencies at a wave number in radians from cell to cell, Hz, the lowest first: one for each bead and
-    /// each intruder of a cell.
+    /// Frequencies at a wave number in radians from cell to cell, Hz, in ascending order: one for each bead
+    /// and each intruder of a cell.
     pub fn frequencies(&self, wave_number: f64) -> Vec<f64> {
         match &self.cell[..] {
             [bead] if bead.intruders.len() <= 1 => bead.frequencies(wave_number),
@@ -154,7 +154,7 @@ impl Dispersion {
 }
 
 impl CellBead {
-    /// Frequencies of a chain of such beads, with one intruder each at most, Hz: the roots of the quartic.
+    /// Frequencies of a chain of such beads with at most one intruder each, Hz: the roots of the quartic.
     fn frequencies(&self, wave_number: f64) -> Vec<f64> {
         let sine = (0.5 * wave_number).sin();
         let contacts = 4.0 * self.stiffness * sine * sine;
@@ -168,7 +168,7 @@ impl CellBead {
             stiffness * self.mass + contacts * mass,
             contacts * stiffness,
         );
-        // b² - 4ac as a sum of squares, and the lesser root without a difference of near numbers.
+        // b² - 4ac as a sum of squares, and the lesser root without cancellation.
         let near = stiffness * self.mass - contacts * mass;
         let root = (near * near + 4.0 * stiffness * mass * mass * contacts).sqrt();
         let squares = [2.0 * c / (b + root), 0.5 * (b + root) / a];
@@ -179,7 +179,7 @@ impl CellBead {
 /// Frequencies of a chain of such cells, Hz, the lowest first.
 fn frequencies_of_cell(cell: &[CellBead], wave_number: f64) -> Vec<f64> {
     let beads = cell.len();
-    // Each spring of an intruder with the body that carries it, beads before intruders.
+    // The body that carries each intruder, and the intruder's spring. Beads are numbered before intruders.
     let mut intruders: Vec<(usize, Oscillator)> = Vec::new();
     for (bead, of) in cell.iter().enumerate() {
         let first = beads + intruders.len();
@@ -214,7 +214,7 @@ fn frequencies_of_cell(cell: &[CellBead], wave_number: f64) -> Vec<f64> {
     });
     let mut squares: Vec<f64> = by_mass.symmetric_eigenvalues().iter().copied().collect();
     squares.sort_by(f64::total_cmp);
-    // Rounding may leave less than zero for a wave without end.
+    // Rounding may leave less than zero for an infinitely long wave.
     squares
         .iter()
         .map(|square| square.max(0.0).sqrt() / TAU)
@@ -300,8 +300,8 @@ mod tests {
         }
     }
 
-    /// 4 K sin²(q/2) = ω² (m₁ + Σ m k / (k - m ω²)), the effective mass of a bead with several intruders. One
-    /// that carries another has its own mass and the effective mass of that one.
+    /// 4 K sin²(q/2) = ω² (m₁ + Σ m k / (k - m ω²)), the effective mass of a bead with several
+    /// intruders. The m of an intruder that carries another includes the effective mass of the other.
     #[test]
     fn a_bead_with_several_intruders_has_a_band_more_for_each_and_an_effective_mass() {
         for inside in [None, Some(1)] {

@@ -2,10 +2,10 @@
 //!
 //! # Design
 //!
-//! Between two knots a signal has all derivatives, as the order of the integrator asks for, and steps end at
-//! knots. They are the ends of a ramp and of a sweep, and the samples of a record, which a natural cubic
+//! Between two knots a signal has all the derivatives that the order of the integrator needs, and steps end
+//! at knots. Knots are the ends of a ramp and of a sweep, and the samples of a record, which a natural cubic
 //! spline joins. A displacement enters the motion by its second derivative. Each step begins at the exact
-//! place and velocity, so that nothing adds up over a long run.
+//! place and velocity, so errors do not add up over a long run.
 
 use std::f64::consts::TAU;
 
@@ -50,8 +50,7 @@ impl Sine {
         [swept + (t - inside) * frequency, frequency, rate].map(|value| TAU * value)
     }
 
-    /// Part of the amplitude: a polynomial of degree 9 that leaves 0 and reaches 1 with four derivatives
-    /// zero.
+    /// Part of the amplitude: a polynomial of degree 9 from 0 to 1, with four derivatives zero at both ends.
     fn ramp(&self, t: f64) -> Jet {
         if t >= self.ramp {
             return [1.0, 0.0, 0.0];
@@ -172,7 +171,7 @@ impl Signal {
         }
     }
 
-    /// Upper bounds of value and rate over all times. Those of a record are seen at its samples and between.
+    /// Upper bounds of value and rate over all times; for a record, from its samples and the midpoints.
     fn bounds(&self) -> [f64; 2] {
         match self {
             Self::Sine(sine) => {
@@ -192,7 +191,7 @@ impl Signal {
     }
 }
 
-/// Forces on body 0 beside its contact's, or its motion.
+/// Forces on body 0 other than that of its contact, or its motion.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct EndDrive {
     signal: Option<Signal>,
@@ -225,7 +224,7 @@ impl EndDrive {
         Some((place, velocity))
     }
 
-    /// Force on the body, N, but for its contact's; zero if the body follows the signal.
+    /// Force on the body other than that of its contact, N; zero if the body follows the signal.
     pub(crate) fn force(&self, t: f64) -> f64 {
         match &self.signal {
             Some(signal) if !self.prescribed => self.weight + signal.at(t)[0],
@@ -234,7 +233,7 @@ impl EndDrive {
         }
     }
 
-    /// Acceleration of the body, m/s², but for its contact's part.
+    /// Acceleration of the body without the part of its contact, m/s².
     pub(crate) fn acceleration(&self, t: f64) -> f64 {
         match &self.signal {
             Some(signal) if self.prescribed => signal.at(t)[2],
@@ -249,7 +248,7 @@ impl EndDrive {
             .map_or(f64::INFINITY, |signal| signal.next_knot(t))
     }
 
-    /// End of a record, s; `None` for a drive without end.
+    /// End of a record, s; `None` for any other drive.
     pub(crate) fn end(&self) -> Option<f64> {
         match &self.signal {
             Some(Signal::Record(record)) => Some(record.end()),

@@ -10,7 +10,7 @@
 //! belongs to the last bead, and only momentum passes through it.
 //!
 //! Contact energies include the work of a static load ([`Contact::energy`](crate::Contact::energy)), so
-//! energy is counted with the part of F beyond the load. The impulse is that of all of F.
+//! energy is counted with the part of F beyond the load. The impulse is counted with all of F.
 //!
 //! Each step is integrated by Gauss and Legendre's eight points over the dense output. A step in which the
 //! contact opens or closes is divided there.
@@ -33,7 +33,7 @@ pub struct Transfer {
 }
 
 impl Transfer {
-    /// Returns the sum with `factor` times another.
+    /// Returns the sum of this and `factor` times another.
     fn plus(self, factor: f64, other: Self) -> Self {
         Self {
             impulse: self.impulse + factor * other.impulse,

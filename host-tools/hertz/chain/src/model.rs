@@ -51,7 +51,7 @@ use crate::drive::EndDrive;
 use crate::power_law::power;
 use crate::scenario::{ContactForce, InputError, Material, Scenario, Sphere};
 
-/// The bodies, contacts and intruders of a scenario. A body or contact that is not of the chain panics.
+/// The bodies, contacts and intruders of a scenario. Methods panic if a body or contact is not in the chain.
 #[derive(Debug, Clone)]
 pub struct Model {
     /// Radii of bodies 0..=N, m.
@@ -75,7 +75,7 @@ pub struct Model {
     intruder_starts: Vec<(f64, f64)>,
     /// 1/τ of a ground that drags, 1/s; zero for one that does not.
     drag: f64,
-    /// Forces on body 0 beside its contact's, or its motion.
+    /// Forces on body 0 other than that of its contact, or its motion.
     pub(crate) drive: Option<Arc<EndDrive>>,
     /// Speed that a drive, gravity or displaced bodies give, m/s; zero for a strike.
     given_speed: f64,
@@ -166,8 +166,8 @@ impl Model {
         model
     }
 
-    /// The greatest speed, m/s, that a drive, gravity and displaced bodies may give a body: an estimate,
-    /// which the accuracy of a step is relative to.
+    /// Estimate of the greatest speed, m/s, that a drive, gravity and displaced bodies may give a body. The
+    /// accuracy of a step is relative to it.
     fn speed_of_what_is_given(&self, scenario: &Scenario) -> f64 {
         let contact = &self.contacts[0];
         let driven = self.drive.as_ref().map_or(0.0, |drive| {
@@ -277,7 +277,7 @@ impl Model {
         self.kinetic(0)
     }
 
-    /// Kinetic energy of a body at t = 0, J. One that follows a displacement has none of its own.
+    /// Kinetic energy of a body at t = 0, J; zero for a body that follows a displacement.
     fn kinetic(&self, body: usize) -> f64 {
         let velocity = self.starts[body].1;
         if body == 0 {
@@ -286,7 +286,7 @@ impl Model {
         0.5 * self.masses[body] * velocity * velocity
     }
 
-    /// True if a drive acts on body 0, or the weight of a striker that falls.
+    /// True if a drive or the weight of a falling striker acts on body 0.
     pub fn is_driven(&self) -> bool {
         self.drive.is_some()
     }
@@ -337,7 +337,7 @@ impl Model {
         self.starts[0].1
     }
 
-    /// The scale of velocities, m/s: the greatest difference of velocities at t = 0, counting a body at rest.
+    /// The scale of velocities, m/s: the greatest difference of velocities at t = 0, zero among them.
     pub(crate) fn speed_scale(&self) -> f64 {
         // A free end or a wall is at rest.
         let velocities = || self.starts.iter().map(|start| start.1);
@@ -487,7 +487,7 @@ impl Model {
         let intruder = &self.intruders[number];
         let (host, shell) = (self.masses[intruder.bead], self.shells[intruder.bead]);
         let mass = intruder.oscillator.mass;
-        // Each of the springs that a mass is between counts with its part of that mass.
+        // A mass is divided equally among the springs that it is attached to.
         let springs = |number: usize| 1.0 + self.carried_by(number).count() as f64;
         let reduced = match intruder.carrier {
             None => mass * shell / host / springs(number),
@@ -500,7 +500,7 @@ impl Model {
         undamped.max(intruder.oscillator.damping / reduced)
     }
 
-    /// The host and the rate, 1/s, of an intruder 100,000 times faster than any collision. No resonator is.
+    /// Host and rate, 1/s, of an intruder 100,000 times faster than any collision; no resonator is so fast.
     pub(crate) fn absurd_intruder(&self) -> Option<(usize, f64)> {
         let of = |number: usize| (self.intruders[number].bead, self.rate_of(number));
         let fastest = (0..self.intruders.len())
@@ -605,7 +605,7 @@ impl Model {
         if let Some(drive) = &self.drive {
             acceleration[0] += drive.acceleration(t);
         }
-        // Those that are carried come first, as long as the rate of their carrier is its own acceleration.
+        // Carried intruders come first, while the rate of their carrier is still its own acceleration.
         for (i, intruder) in self.intruders.iter().enumerate().rev() {
             rest[layout.relative_velocity(i) - base] -= match intruder.carrier {
                 None => acceleration[intruder.bead],
@@ -692,8 +692,8 @@ impl Model {
             .filter(move |&other| self.intruders[other].carrier == Some(intruder))
     }
 
-    /// Sum of a coordinate relative to host or carrier over an intruder and all that carry it: relative to
-    /// the host.
+    /// Coordinate of an intruder relative to its host: the sum, over the intruder and its carriers, of the
+    /// coordinate relative to host or carrier.
     pub(crate) fn in_host(&self, intruder: usize, relative: impl Fn(usize) -> f64) -> f64 {
         let mut sum = relative(intruder);
         let mut inner = intruder;
@@ -710,8 +710,8 @@ impl Model {
         self.in_host(intruder, |number| y[layout.relative_velocity(number)])
     }
 
-    /// Acceleration u'' of an intruder, m/s². `motion` is the displacement of an intruder relative to its
-    /// host or carrier, m, and its rate, m/s: of this one and of those that it carries.
+    /// Acceleration u'' of an intruder, m/s². `motion` returns displacement, m, and velocity, m/s, relative
+    /// to host or carrier: of this intruder and of those that it carries.
     pub(crate) fn acceleration_at(&self, intruder: usize, motion: impl Fn(usize) -> (f64, f64)) -> f64 {
         self.accelerate(intruder, |number| {
             let (place, rate) = motion(number);
@@ -719,7 +719,7 @@ impl Model {
         })
     }
 
-    /// Rate of [`Model::acceleration_at`], m/s³. `motion` has the relative acceleration too, m/s².
+    /// Rate of [`Model::acceleration_at`], m/s³. `motion` also returns the relative acceleration, m/s².
     pub(crate) fn acceleration_rate_at(&self, intruder: usize, motion: impl Fn(usize) -> [f64; 3]) -> f64 {
         self.accelerate(intruder, |number| {
             let [place, rate, acceleration] = motion(number);
@@ -743,8 +743,8 @@ impl Model {
             .any(|intruder| intruder.cubic_stiffness != 0.0)
     }
 
-    /// The length that displacements of a driven chain are compared with, m: the greatest static overlap of a
-    /// contact, or without a load the depth to which what is given presses a body in.
+    /// Reference length for displacements of a driven chain, m: the greatest static overlap of a contact, or
+    /// `displacement_scale` without a load.
     pub(crate) fn displacement_size(&self) -> f64 {
         let overlaps = self.contacts.iter().map(|contact| contact.static_overlap);
         let loaded = overlaps.fold(0.0, f64::max);

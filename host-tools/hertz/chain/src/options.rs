@@ -93,7 +93,7 @@ impl<'a> Options<'a> {
         self
     }
 
-    /// Reports the completed part of a run after this number of steps, if it is due or 1.
+    /// Reports the completed part of a run at every 64th step, and at the end.
     pub(crate) fn report(&self, steps: u64, part: f64) {
         if let Some(progress) = self.progress
             && (steps.is_multiple_of(64) || part == 1.0)

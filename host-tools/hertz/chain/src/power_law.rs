@@ -1,10 +1,10 @@
-//! Contacts whose force is another power of the overlap than Hertz', their damping, and friction.
+//! Contacts whose force follows another power of the overlap than Hertz', with damping and friction.
 //!
 //! ```text
 //! F = κ δⁿ (1 + f tanh(δ'/v₀)) + η δᵖ δ'        δ > 0
 //! ```
 //!
-//! Hertz' law with a damping of p = 1/2 is the rule ([`Contact`](crate::Contact)), and has a solver of its
+//! Hertz' law with a damping of p = 1/2 is the default ([`Contact`](crate::Contact)), and has a solver of its
 //! own for contacts that open and close. With other powers a step ends where a contact opens or closes.
 
 use std::f64::consts::PI;
@@ -87,8 +87,8 @@ pub(crate) struct ContactPowers {
 }
 
 impl ContactPowers {
-    /// Damping force with the friction at an overlap, m, of a contact of stiffness κ, N/mⁿ, that is
-    /// closed, and its rate, m/s; N.
+    /// Damping force and friction, N, of a closed contact of stiffness κ, N/mⁿ, at an overlap, m, and its
+    /// rate, m/s.
     #[cold]
     #[inline(never)]
     pub(crate) fn damping_force(&self, stiffness: f64, overlap: f64, rate: f64) -> f64 {
@@ -100,13 +100,13 @@ impl ContactPowers {
         damping + self.friction * elastic * libm::tanh(rate / self.friction_speed)
     }
 
-    /// Its slope over the rate, at no rate, N·s/m.
+    /// Slope of the damping force with the rate of the overlap, at zero rate, N·s/m.
     pub(crate) fn damping_slope(&self, stiffness: f64, overlap: f64) -> f64 {
         let elastic = stiffness * power(overlap, self.elastic);
         self.coefficient * power(overlap, self.damping) + self.friction * elastic / self.friction_speed
     }
 
-    /// Its rate, N/s, at an overlap, m, its rate, m/s, and its acceleration, m/s².
+    /// Rate of the damping force, N/s, at an overlap, m, its rate, m/s, and its acceleration, m/s².
     #[cold]
     #[inline(never)]
     pub(crate) fn damping_force_rate(&self, stiffness: f64, [overlap, rate, acceleration]: [f64; 3]) -> f64 {
@@ -122,8 +122,8 @@ impl ContactPowers {
         friction + self.coefficient * (bend + power(overlap, self.damping) * acceleration)
     }
 
-    /// Elastic force beyond `load`, N, whose overlap is `rest`, m, at a change of the overlap from there:
-    /// F₀ ((1 + e)ⁿ - 1) with e = change/rest, without a difference of near numbers.
+    /// Elastic force beyond `load`, N, at a change of the overlap from `rest`, m, which is the overlap under
+    /// `load`: F₀ ((1 + e)ⁿ - 1) with e = change/rest, without cancellation.
     #[cold]
     #[inline(never)]
     pub(crate) fn force_beyond(&self, (load, rest): (f64, f64), stiffness: f64, change: f64) -> f64 {

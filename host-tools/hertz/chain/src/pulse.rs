@@ -17,7 +17,7 @@ use crate::solution::Solution;
 /// Criteria for the peaks of a force that count as pulses.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PulseSearch {
-    /// Begin of the search, s.
+    /// Start of the search, s.
     pub from: f64,
     /// End of the search, s; the end of the run if that is earlier.
     pub to: f64,
@@ -50,7 +50,7 @@ pub struct Pulse {
     pub force: f64,
     /// Arrival time, s: the time of the greatest force.
     pub time: f64,
-    /// Begin, s: the last zero of the force before the peak, or its least value since the previous pulse.
+    /// Start, s: the last zero of the force before the peak, or its least value since the previous pulse.
     pub from: f64,
     /// End, s: the first zero of the force after the peak, or its least value before the next pulse.
     pub to: f64,
@@ -228,7 +228,7 @@ impl<'a> ForceTrace<'a> {
         between.fold(one.value.min(other.value), |least, point| least.min(point.value))
     }
 
-    /// Returns the begin of a pulse, s. Point `first` is the first before its peak that belongs to it.
+    /// Returns the start of a pulse, s. Point `first` is the first before its peak that belongs to it.
     fn begin(&self, peak: Peak, first: usize) -> f64 {
         match (first..=peak.before).rev().find(|&i| self.points[i].value <= 0.0) {
             Some(i) => self.passage(i, 0.0),

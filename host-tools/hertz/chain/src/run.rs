@@ -59,7 +59,7 @@ impl Run {
     ///
     /// # Errors
     /// [`SimulateError::TooStiff`], [`SimulateError::TooManySteps`], and [`SimulateError::DriveEnds`] if a
-    /// recorded drive ends before.
+    /// recorded drive ends before `end`.
     pub fn check(&self, end: f64, longest_step: f64) -> Result<(), SimulateError> {
         let drive = self.model.drive.as_ref().and_then(|drive| drive.end());
         if let Some(last) = drive.filter(|last| end > last * (1.0 + 1e-12)) {
@@ -253,8 +253,8 @@ impl RunStep<'_> {
     }
 }
 
-/// A chain at one time inside a [`RunStep`]. Values are computed on request. A body or contact that is not of
-/// the chain panics.
+/// A chain at one time inside a [`RunStep`]. Values are computed on request. Methods panic if a body or
+/// contact is not in the chain.
 #[derive(Debug, Clone, Copy)]
 pub struct StepView<'a> {
     model: &'a Model,
@@ -312,7 +312,7 @@ impl StepView<'_> {
     }
 
     /// Displacement of the intruder in `bead` relative to its host, x = u - U, m; `None` for a bead without
-    /// an intruder, or with several, as in the two functions that follow ([`StepView::motion_of`] has each).
+    /// an intruder or with several, here and in the next two functions ([`StepView::motion_of`] covers each).
     pub fn intruder_displacement(&self, bead: usize) -> Option<f64> {
         Some(self.motion_of(self.model.intruder_of(bead)?).displacement)
     }

@@ -99,7 +99,8 @@ impl Solution {
 impl Options<'_> {
     /// Checks a scenario as [`simulate_with`] does before its first step, for programs with many runs.
     ///
-    /// # Errors [`SimulateError`]: the scenario or an option is out of range, or the run would take too long.
+    /// # Errors
+    /// [`SimulateError`]: the scenario or an option is out of range, or the run would take too long.
     pub fn check(&self, scenario: &Scenario) -> Result<(), SimulateError> {
         ready(scenario, self).map(|_| ())
     }

@@ -68,7 +68,7 @@ impl Solution {
         self.sampler().at(t)
     }
 
-    /// Number of the step that holds time `t`, s. Panics as [`Solution::at`].
+    /// Number of the step that holds time `t`, s. Panics like [`Solution::at`].
     pub(crate) fn step_at(&self, t: f64) -> usize {
         let end = self.end();
         assert!(
@@ -103,7 +103,7 @@ pub struct Sampler<'a> {
 }
 
 impl<'a> Sampler<'a> {
-    /// The state of the whole chain at time `t`, s. Panics as [`Solution::at`].
+    /// The state of the whole chain at time `t`, s. Panics like [`Solution::at`].
     pub fn at(&mut self, t: f64) -> Snapshot<'a> {
         let solution = self.solution;
         if !self.dense.holds(t) {
@@ -133,7 +133,7 @@ pub struct IntruderMotion {
 }
 
 impl IntruderMotion {
-    /// `motion` is displacement and velocity of an intruder, by its number.
+    /// `motion` returns displacement and velocity of an intruder, by its number.
     pub(crate) fn of(model: &Model, intruder: usize, motion: impl Fn(usize) -> (f64, f64)) -> Self {
         let (displacement, velocity) = motion(intruder);
         Self {
@@ -144,8 +144,8 @@ impl IntruderMotion {
     }
 }
 
-/// A chain at one time. Bodies are counted from 0, the striker; beads and contacts from 1. A body or contact
-/// that is not of the chain panics.
+/// A chain at one time. Bodies are counted from 0, the striker; beads and contacts from 1. Methods panic if a
+/// body or contact is not in the chain.
 #[derive(Debug, Clone)]
 pub struct Snapshot<'a> {
     pub(crate) model: &'a Arc<Model>,
@@ -203,14 +203,14 @@ impl<'a> Snapshot<'a> {
         })
     }
 
-    /// Energy that an intruder has dissipated, ∫ c x'² dt, J. Panics as [`Snapshot::motion_of`].
+    /// Energy that an intruder has dissipated, ∫ c x'² dt, J. Panics like [`Snapshot::motion_of`].
     pub fn dissipated_by(&self, intruder: usize) -> f64 {
         self.known(intruder);
         self.state[self.model.layout().intruder_loss(intruder)]
     }
 
-    /// Energy in the motion and in the spring of an intruder, ½ m u'² + ½ k x² + ¼ k₃ x⁴, J. Panics as
-    /// [`Snapshot::motion_of`].
+    /// Energy in the motion and in the spring of an intruder, ½ m u'² + ½ k x² + ¼ k₃ x⁴, J. Panics
+    /// like [`Snapshot::motion_of`].
     pub fn stored_by(&self, intruder: usize) -> f64 {
         let one = &self.model.intruders()[intruder];
         let motion = self.motion_of(intruder);
@@ -219,7 +219,7 @@ impl<'a> Snapshot<'a> {
     }
 
     /// Displacement of the intruder in `bead` relative to its host, x = u - U, m; `None` for a bead without
-    /// an intruder, or with several, as in the three functions that follow ([`Snapshot::motion_of`] has
+    /// an intruder or with several, here and in the next three functions ([`Snapshot::motion_of`] covers
     /// each).
     pub fn intruder_displacement(&self, bead: usize) -> Option<f64> {
         Some(self.motion_of(self.model.intruder_of(bead)?).displacement)
@@ -269,7 +269,7 @@ impl<'a> Snapshot<'a> {
     pub fn impulse(&self, contact: usize) -> f64 {
         let starts = self.model.starts.iter().enumerate().skip(contact);
         let before: f64 = starts.map(|(body, start)| self.model.mass(body) * start.1).sum();
-        // ∫ M V/τ dt is M/τ times the way.
+        // ∫ M V/τ dt is M/τ times the displacement.
         let dragged = (contact..self.model.bodies())
             .map(|body| self.model.drag_on(body) * (self.state[body] - self.model.starts[body].0));
         let ground: f64 = dragged.sum();

@@ -2,11 +2,11 @@
 //!
 //! # Design
 //!
-//! The spectrum of a pulse is its Fourier transform S(f) = ∫ s(t) exp(-2πi f t) dt, not a density of power.
+//! The spectrum of a pulse is its Fourier transform S(f) = ∫ s(t) exp(-2πi f t) dt, not a power density.
 //! |S| of a force is in N·s, which is N/Hz, and |S(0)| is the impulse. The sum of the samples times their
-//! interval is that integral, but for what lies above half the sampling rate. A fast transform of the
-//! samples, padded with zeros eightfold, gives the curve. Single frequencies are summed directly, so they do
-//! not depend on the padding.
+//! interval is that integral, except for components above half the sampling rate. A fast transform of the
+//! samples, padded with zeros eightfold, gives the curve. Single frequencies are summed directly, so they
+//! do not depend on the padding.
 
 use realfft::RealFftPlanner;
 use realfft::num_complex::Complex64;

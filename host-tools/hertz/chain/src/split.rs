@@ -17,7 +17,7 @@ pub struct Split {
     pub secondary: f64,
     /// Energy dissipated in the intruders between the contacts.
     pub absorbed: f64,
-    /// The rest: energy dissipated in the contacts between, or still between them.
+    /// The rest: energy dissipated in the contacts between the two, or still in the chain there.
     pub rest: f64,
 }
 

@@ -46,7 +46,7 @@ pub fn summarise(scenario: &Scenario, options: &Options<'_>) -> Result<Summary, 
     Ok(summary)
 }
 
-/// The integration does not resolve forces below this part of the greatest: such a contact carried none.
+/// Forces below this part of the greatest are not resolved: a contact with less counts as unloaded.
 const NO_FORCE: f64 = 1e-12;
 
 /// The greatest value so far, and its time, s.
@@ -58,7 +58,7 @@ struct Maximum {
 
 impl Maximum {
     /// Takes a greater value from a step: at its end, or inside, where the rate changes from positive to
-    /// negative. `of` gives the value and its rate at a time. Returns true if the maximum has grown.
+    /// negative. `of` returns the value and its rate at a time. Returns true if the maximum has grown.
     fn update(&mut self, from: f64, to: f64, mut of: impl FnMut(f64) -> [f64; 2]) -> bool {
         let before = self.value;
         let end = of(to);
@@ -145,7 +145,7 @@ struct Ledger {
     at_rest: [f64; 2],
 }
 
-/// The contacts of some bodies in the ledger: each is of the body behind it, the wall's of the last bead.
+/// The contacts booked with some bodies: each with the body behind it, the wall's with the last bead.
 fn contacts(model: &Model, bodies: &Range<usize>) -> Range<usize> {
     let is_last = bodies.end == model.bodies();
     bodies.start.max(1)..if is_last { model.contacts() + 1 } else { bodies.end }
@@ -493,7 +493,7 @@ impl IntruderMaxima {
         let at = |end: usize| model.acceleration_at(guest, |number| stepper.guest_at_ends(number)[end]);
         let accelerations = [at(0), at(1)];
         let mut glimpse = None;
-        // Of the intruders that it carries.
+        // Glimpses of the intruders that it carries.
         let mut others = Vec::new();
         let mut update = |maxima: &mut [Maximum; 2], values: [f64; 2], accelerates: bool| {
             for (maximum, sign) in maxima.iter_mut().zip([1.0, -1.0]) {

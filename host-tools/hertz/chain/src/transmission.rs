@@ -22,7 +22,7 @@ impl Scenario {
         for intruder in &mut fewer.intruders {
             intruder.beads.retain(|bead| kept.contains(bead));
         }
-        // Carriers are named by the numbers of their tables, which change with those that go.
+        // A carrier is named by the number of its table, which changes when empty tables are removed.
         let stays: Vec<bool> = fewer.intruders.iter().map(|one| !one.beads.is_empty()).collect();
         fewer.intruders.retain(|intruder| !intruder.beads.is_empty());
         for inside in fewer.intruders.iter_mut().filter_map(|one| one.inside.as_mut()) {
@@ -113,7 +113,7 @@ mod tests {
         let first = |n| scenario.with_first_hosts(n).hosts();
         assert!(first(0).is_empty() && first(1) == [7]);
         assert_eq!((first(2), first(9)), (vec![7, 9], vec![7, 9, 12]));
-        // One in the intruder of bead 9, whose table is the first that is left.
+        // The last intruder sits in that of bead 9, whose table becomes the first.
         scenario.intruders = vec![hosted(&[12]), hosted(&[9]), hosted(&[7]), hosted(&[9])];
         scenario.intruders[3].inside = Some(2);
         assert_eq!(scenario.with_first_hosts(2).intruders[2].inside, Some(1));

@@ -1,4 +1,4 @@
-//! Check that the contacts of a run were as the model takes them: elastic, small, and slow.
+//! Checks that the contacts of a run were as the model assumes: elastic, small, and slow.
 
 use std::f64::consts::{PI, TAU};
 
@@ -43,8 +43,8 @@ const LARGE: f64 = 0.1;
 const SHORT: f64 = 1.0;
 
 impl Validity {
-    /// Checks each of these contacts. There is none to check where contacts have a stiffness of their own:
-    /// how wide they are does not follow from it.
+    /// Checks each of these contacts. Returns none if a contact law sets the stiffness, since the width of a
+    /// contact does not follow from it.
     ///
     /// # Errors
     /// [`InputError`]: the scenario is out of range.
@@ -62,7 +62,7 @@ impl Validity {
         let beads = scenario.spheres().into_iter();
         bodies.extend(beads.map(|bead| Some((bead.radius, bead.material))));
         let wall = scenario.wall.as_ref().map(|wall| {
-            // It does not move, so it has no vibration of interest: as dense as makes none.
+            // The wall does not move, so its vibration does not count: density zero makes the period zero.
             let material = Material::new(0.0, wall.young, wall.poisson);
             (wall.radius.unwrap_or(f64::INFINITY), material)
         });
@@ -127,7 +127,7 @@ fn period((radius, material): (f64, Material)) -> f64 {
 mod tests {
     use super::*;
 
-    /// Lamb's equation for the spheroidal mode l = 2, solved for three ratios of Poisson: ω R / √(G/ρ).
+    /// Lamb's equation for the spheroidal mode l = 2, solved for three Poisson's ratios: ω R / √(G/ρ).
     #[test]
     fn the_period_of_a_sphere_is_within_a_hundredth_of_lambs() {
         for (poisson, root) in [(0.25, 2.63987), (0.27, 2.64250), (0.44, 2.66062)] {

@@ -5,8 +5,8 @@ use std::fmt::Write;
 use super::ink::Ink;
 use super::series::{Glyph, Stroke};
 
-/// Text escaped for HTML and SVG, for content and for attributes. XML 1.0 has no way to write some
-/// characters: in their place stands U+FFFD.
+/// Text escaped for HTML and SVG, for content and for attributes. Characters that XML 1.0 cannot write are
+/// replaced by U+FFFD.
 pub fn escape(text: &str) -> String {
     // Without surrogates, which no text holds.
     let is_none =
@@ -47,10 +47,10 @@ pub fn raised(text: &str, plain: impl Fn(&str) -> String) -> String {
     pieces(text).into_iter().map(piece).collect()
 }
 
-/// Size of raised text, of that on the line.
+/// Size of raised text, as a part of that on the line.
 const RAISED: f64 = 0.72;
 
-/// The width of a text of this size in pixels, about: no font is at hand. It is that of a rather wide font.
+/// The approximate width of a text of this size, pixels. No font is at hand, so a rather wide one is assumed.
 pub(super) fn width(text: &str, size: f64) -> f64 {
     let of = |character: char| match character {
         'i' | 'j' | 'l' | 'I' | '.' | ',' | ':' | ';' | '|' | '\'' => 0.30,
@@ -66,7 +66,7 @@ pub(super) fn width(text: &str, size: f64) -> f64 {
     pieces(text).into_iter().map(piece).sum()
 }
 
-/// The point of a text that is at its place.
+/// The point of a text that its position refers to.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Anchor {
     Start,
@@ -76,7 +76,7 @@ pub(super) enum Anchor {
     Upwards,
 }
 
-/// A drawing that grows.
+/// A drawing to which elements are added.
 #[derive(Debug, Default)]
 pub(super) struct Canvas {
     svg: String,
@@ -102,9 +102,9 @@ impl Canvas {
         ));
     }
 
-    /// A rectangle between two corners, of a colour that is data and the same on every page.
+    /// A rectangle between two corners. Its colour shows a value, so it is the same on every page.
     pub(super) fn cell(&mut self, one: (f64, f64), other: (f64, f64), colour: &str) {
-        // To the digits that are written, so that cells side by side have no gap between them.
+        // Rounded as it is written, so that neighbouring cells have no gap between them.
         let [one, other] =
             [one, other].map(|(x, y)| ((100.0 * x).round() / 100.0, (100.0 * y).round() / 100.0));
         let (x, y) = (one.0.min(other.0), one.1.min(other.1));

@@ -39,7 +39,7 @@ impl Chart {
     /// [`style`](crate::style) in the page.
     ///
     /// # Errors
-    /// An axis has no extent, or one that is no number.
+    /// An axis has no extent, or an end that is not finite.
     pub fn inline_svg(&self) -> Result<String, Error> {
         self.svg("", "")
     }
@@ -70,7 +70,7 @@ impl Chart {
         let panels = self.panels.iter().enumerate();
         let frames: Vec<_> = panels
             .map(|(place, panel)| {
-                // An axis of a panel's own has its numbers, and the shared one has them below the last panel.
+                // A panel's own axis always has its numbers. The shared one has them below the last panel.
                 let labelled = place == last || panel.x.is_some();
                 let x = panel.x.as_ref().unwrap_or(&self.x);
                 ChartFrame::new(panel, x, labelled, picture)

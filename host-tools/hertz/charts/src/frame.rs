@@ -8,7 +8,7 @@ use super::panel::{Axis, Panel};
 use super::scale::Ticks;
 use super::series::{Glyph, Series, Stroke};
 
-/// Between the drawing and the edge of the picture, pixels.
+/// Gap between the drawing and the edge of the picture, pixels.
 pub(super) const MARGIN: f64 = 8.0;
 /// Right of the axes: room for half of the last tick's number.
 const RIGHT: f64 = 16.0;
@@ -16,12 +16,12 @@ const NUMBERS: f64 = 14.0;
 const TITLES: f64 = 15.0;
 const TICK: f64 = 5.0;
 const FINE: f64 = 3.0;
-/// From the ticks to the numbers, and from the numbers to the title.
+/// Gap from the ticks to the numbers, and from the numbers to the title, pixels.
 const GAP: f64 = 5.0;
-/// Between panels.
+/// Gap between panels, pixels.
 const APART: f64 = 12.0;
 
-/// A panel with what its drawing needs to know.
+/// A panel, with the values that drawing it needs.
 #[derive(Debug)]
 pub(super) struct ChartFrame<'a> {
     panel: &'a Panel,
@@ -86,7 +86,7 @@ impl<'a> ChartFrame<'a> {
         extent(self.x_places) && extent(self.y_places)
     }
 
-    /// The columns that it needs in a picture of this width.
+    /// The columns that the panel needs in a picture of this width.
     pub(super) fn columns(&self, picture: f64) -> Columns {
         let numbers = self.y_ticks.major.iter().map(|(_, label)| width(label, NUMBERS));
         let left = MARGIN + TITLES + 2.0 * GAP + numbers.fold(0.0, f64::max) + GAP + TICK;
@@ -104,7 +104,7 @@ impl<'a> ChartFrame<'a> {
             .fold(0.0, f64::max)
     }
 
-    /// Its height with all around it, pixels.
+    /// Height of the panel with all around it, pixels.
     pub(super) fn height(&self) -> f64 {
         self.above() + f64::from(self.panel.height) + self.below()
     }
@@ -128,7 +128,7 @@ impl<'a> ChartFrame<'a> {
         }
     }
 
-    /// Draws it below `top`.
+    /// Draws the panel below `top`.
     pub(super) fn draw(&self, canvas: &mut Canvas, top: f64, columns: Columns) {
         let Columns { left, right } = columns;
         if let Some(map) = &self.panel.map {
@@ -146,7 +146,7 @@ impl<'a> ChartFrame<'a> {
             bottom - (place - low) / (high - low) * (bottom - top)
         };
         match &self.panel.map {
-            // Lines to read values off would cut the cells.
+            // Grid lines would cut the cells.
             Some(map) => {
                 let (across, up) = (self.x.scale, self.panel.y_scale);
                 map.draw(canvas, |value| x(across.place(value)), |value| y(up.place(value)));
@@ -214,7 +214,7 @@ impl<'a> ChartFrame<'a> {
         }
     }
 
-    /// Draws the curves, and gives those with names, with the heights at which they end.
+    /// Draws the curves, and returns those with names, with the heights at which they end.
     fn curves(
         &self,
         canvas: &mut Canvas,
@@ -227,7 +227,7 @@ impl<'a> ChartFrame<'a> {
             let place = |&(at, value): &(f64, f64)| (self.x.scale.place(at), self.panel.y_scale.place(value));
             let points: Vec<(f64, f64)> = series.points.iter().map(place).collect();
             let pixels = |&(at, value): &(f64, f64)| (x(at), y(value));
-            // A line has marks only where no line shows a point.
+            // A line has marks only at lone points, which no segment shows.
             let (marked, stroke): (Vec<_>, _) = match series.stroke() {
                 Stroke::Line { width, dashes } => {
                     let pieces = visible(&points, self.x_places, self.y_places);
@@ -294,7 +294,7 @@ fn inside(from: (f64, f64), to: (f64, f64), x: (f64, f64), y: (f64, f64)) -> Opt
     (enter < leave).then_some((enter, leave))
 }
 
-/// The points of a line that have none beside them: no line shows them.
+/// The points of a line without a neighbour: no segment shows them.
 fn lone(points: &[(f64, f64)]) -> impl Iterator<Item = &(f64, f64)> {
     let known = |point: &&(f64, f64)| point.0.is_finite() && point.1.is_finite();
     let beside =

@@ -1,6 +1,6 @@
 //! Colours, on light and on dark pages.
 
-/// The meaning of a colour. The hue tells the estimate, the mark its source.
+/// The meaning of a colour. The hue shows the estimate, the mark its source.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ink {
     /// The full f64 chain: the truth.
@@ -27,8 +27,8 @@ pub enum Ink {
 pub const FAMILY: usize = 7;
 
 /// Name of the CSS variable, light value, dark value. A program without style sheets shows the light values.
-/// Those of a family differ in lightness too, and keep apart for colour-blind readers (after M. Okabe and
-/// K. Ito, "Color universal design", 2008).
+/// The colours of a family differ in lightness too, so that colour-blind readers can tell them apart (after
+/// M. Okabe and K. Ito, "Color universal design", 2008).
 const COLOURS: [(&str, &str, &str); 8 + FAMILY] = [
     ("chain", "#8c97a1", "#8d99a4"),
     ("measured", "#006db0", "#5cb8f2"),
@@ -69,7 +69,7 @@ impl Ink {
 }
 
 /// The style sheet of a drawing by itself. Its attributes carry the light colours; on a dark page these rules
-/// replace them. They name colours and no variables: programs that know neither media queries nor `var()`,
+/// replace them. They name colours, not variables: programs that know neither media queries nor `var()`,
 /// such as resvg and CairoSVG, keep the light colours.
 pub(super) fn drawing_style() -> String {
     let rule = |(_, light, dark): &(&str, &str, &str)| {

@@ -8,9 +8,9 @@ use super::series::{Series, Stroke};
 /// Size of the names, pixels.
 pub(super) const NAMES: f64 = 14.0;
 const ROW: f64 = 20.0;
-/// Between the last row and the axes.
+/// Gap between the last row and the axes, pixels.
 const BELOW: f64 = 8.0;
-/// A piece of the curve stands in front of its name.
+/// Length of the piece of the curve before its name.
 const SAMPLE: f64 = 28.0;
 const GAP: f64 = 7.0;
 const BETWEEN: f64 = 18.0;
@@ -42,7 +42,7 @@ impl<'a> Legend<'a> {
         }
     }
 
-    /// Draws it with its upper left corner here.
+    /// Draws the legend with this upper left corner.
     pub(super) fn draw(&self, canvas: &mut Canvas, (left, top): (f64, f64)) {
         for (place, series) in self.entries.iter().enumerate() {
             let x = left + self.columns[place % self.columns.len()];

@@ -17,8 +17,8 @@ pub struct Map {
     pub values: Vec<f64>,
 }
 
-/// Colours of equal distance to the eye, also for colour-blind readers and in grey: matplotlib's *viridis*
-/// (N. Smith and S. van der Walt, 2015, CC0), at nine places.
+/// Perceptually uniform colours, also for colour-blind readers and in grey: matplotlib's *viridis* (N.
+/// Smith and S. van der Walt, 2015, CC0), at nine places.
 const COLOURS: [[f64; 3]; 9] = [
     [68.0, 1.0, 84.0],
     [71.0, 45.0, 123.0],
@@ -30,10 +30,10 @@ const COLOURS: [[f64; 3]; 9] = [
     [173.0, 220.0, 48.0],
     [253.0, 231.0, 37.0],
 ];
-/// Colours that are told apart.
+/// Number of distinct colours.
 const LEVELS: usize = 128;
 
-/// Size of the bar's numbers and of its title, pixels; what it is high, and what lies around it.
+/// Size of the bar's numbers and of its title, height of the bar, and gap around it, pixels.
 const NUMBERS: f64 = 14.0;
 const BAR: f64 = 14.0;
 const GAP: f64 = 5.0;
@@ -76,7 +76,7 @@ impl Map {
         }
     }
 
-    /// Draws the cells. `x` and `y` give the pixels of values.
+    /// Draws the cells. `x` and `y` return the pixels of values.
     pub(super) fn draw(&self, canvas: &mut Canvas, x: impl Fn(f64) -> f64, y: impl Fn(f64) -> f64) {
         let (low, high) = self.range();
         let level = |value: f64| {

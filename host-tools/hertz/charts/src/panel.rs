@@ -30,7 +30,7 @@ impl Axis {
         }
     }
 
-    /// An axis of what is counted, with a margin beyond both ends.
+    /// An axis of counts, with a margin beyond both ends.
     pub fn count(label: impl Into<String>, range: RangeInclusive<usize>) -> Self {
         Self {
             scale: Scale::Count,
@@ -71,7 +71,7 @@ pub struct Panel {
     pub x: Option<Axis>,
     /// A note above the axes, in these lines; empty for none.
     pub note: String,
-    /// The names stand at the ends of the curves, and not in a legend above them.
+    /// True to write names at the ends of the curves, not in a legend above them.
     pub named_at_end: bool,
     /// Cells under the curves.
     pub map: Option<Map>,
@@ -159,7 +159,7 @@ impl Panel {
         if margin > 0.0 {
             (low - margin, high + margin)
         } else {
-            // One value has room around it, also where 1 is less than its last digit.
+            // A single value gets room around it, even where 1 is less than its last digit.
             let room = f64::max(1.0, 1e-3 * low.abs());
             (low - room, high + room)
         }

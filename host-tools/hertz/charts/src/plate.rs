@@ -9,7 +9,7 @@ use super::ink::{Ink, drawing_style};
 const LETTERS: f64 = 16.0;
 /// Height of the strip above a chart that holds its letter, pixels.
 const STRIP: f64 = 20.0;
-/// Between charts, pixels.
+/// Gap between charts, pixels.
 const APART: f64 = 16.0;
 /// Columns that differ by less than this, such as by a row of a legend, count as equally long: letters that
 /// follow one another then stand side by side. Pixels.

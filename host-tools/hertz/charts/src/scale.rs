@@ -15,7 +15,7 @@ pub enum Scale {
 }
 
 impl Scale {
-    /// The place of a value on an axis of this scale, in a length of its own.
+    /// The place of a value on an axis of this scale, in the scale's own unit.
     pub fn place(self, value: f64) -> f64 {
         match self {
             Self::Linear | Self::Count => value,
@@ -34,9 +34,9 @@ pub fn ends(values: impl Iterator<Item = f64>) -> (f64, f64) {
 /// The ticks of an axis, as places on its scale.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct Ticks {
-    /// Those with a number.
+    /// Ticks with a label.
     pub(super) major: Vec<(f64, String)>,
-    /// Those between them.
+    /// Ticks between those, without a label.
     pub(super) minor: Vec<f64>,
 }
 
@@ -68,7 +68,7 @@ impl Ticks {
         }
     }
 
-    /// Names at 0, 1, 2 and so on, in equal steps so that there are `most` of them at most.
+    /// Names at 0, 1, 2 and so on, in equal steps, `most` of them at most.
     pub(super) fn named(names: &[String], (low, high): (f64, f64), most: usize) -> Self {
         let step = names.len().div_ceil(most.max(1)).max(1);
         let places = names.iter().enumerate().step_by(step);
@@ -79,8 +79,8 @@ impl Ticks {
         }
     }
 
-    /// Steps of 1, 2 or 5; if whole, of no less than 1, and so are those between them. A range has none if
-    /// f64 cannot divide it: one of 1e-320, or one that is longer than 1.8e308.
+    /// Steps of 1, 2 or 5 times a power of ten. If `whole`, all ticks are whole numbers. A range that f64
+    /// cannot divide, of 1e-320 or of more than 1.8e308, has no ticks.
     fn linear((low, high): (f64, f64), most: usize, whole: bool, inside: impl Fn(&f64) -> bool) -> Self {
         let rough = (high - low) / most as f64;
         let rough = if whole { rough.max(1.0) } else { rough };
@@ -125,7 +125,7 @@ impl Ticks {
             });
         let mut minor = at(if high - low < DECADES { DIGITS[0] } else { &[1] });
         if major.len() < 2 || high - low < SHORT {
-            // Less than a decade has no two round numbers or three: equal steps of the value do.
+            // A range this short has too few round numbers, so the ticks are equal steps of the value.
             let ends = (10_f64.powf(low), 10_f64.powf(high));
             let value = |place: &f64| (ends.0..=ends.1).contains(place);
             let linear = Self::linear(ends, most, false, value);
@@ -148,11 +148,11 @@ impl Ticks {
     }
 }
 
-/// Ticks whose steps are shorter than this, or that reach this far, have powers of ten.
+/// Range of plain numbers: ticks with shorter steps, or that reach further, are labelled with powers of ten.
 const PLAIN: Range<f64> = 0.999e-6..1e7;
 
-/// The labels of equal steps. Where [`number`] has too few decimals or too many digits, all of an axis have
-/// the power of ten of the greatest, and the digits that its steps need.
+/// The labels of equal steps. Where [`number`] has too few decimals or too many digits, all labels of an
+/// axis have the power of ten of the greatest, and the digits that the steps need.
 fn labels(places: &[f64], step: f64) -> Vec<String> {
     let greatest = places.iter().fold(0.0, |most: f64, place| most.max(place.abs()));
     if step >= PLAIN.start && greatest < PLAIN.end {

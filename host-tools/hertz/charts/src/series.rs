@@ -5,7 +5,7 @@ use super::ink::Ink;
 /// The style of a curve.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Mark {
-    /// A broad line that lies under the others.
+    /// A broad line under the others.
     Broad,
     /// A thin line.
     Line,

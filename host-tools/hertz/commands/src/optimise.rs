@@ -67,7 +67,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let (out, inputs) = (arguments.out.as_deref(), [arguments.scenario.as_path()]);
     let out = arguments.overwrite.optional(out, FileKind::Scenario, &inputs)?;
     let search = search(arguments, &scenario, mass)?;
-    // A strike that cannot be run is told before the search.
+    // Before the search, so that a strike that cannot be run is refused at once.
     let compared = compare(&scenario, &search)?;
     let optimum = find(&scenario, &search, "")?;
     if let Some(out) = &out {
@@ -94,7 +94,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     output::print(arguments.format, &report, || report.table(&scenario.title))
 }
 
-/// The search of a result, as a comment in its file.
+/// The result in words, for the comment in its scenario file.
 fn found(aim: Aim, optimum: &Optimum) -> String {
     let speeds = optimum.strikes.iter().map(|strike| strike.speed.to_string());
     let speeds: Vec<_> = speeds.collect();

@@ -1,4 +1,4 @@
-//! `bead optimise` with several total masses: the least that each allows, which no lighter design reaches.
+//! `bead optimise` with several total masses: the best design for each.
 
 use hertz_chain::{Aim, Objective, Optimum, Search};
 use hertz_charts::{Axis, Chart, Ink, Mark, Panel, Series};
@@ -34,7 +34,7 @@ struct FrontPoint {
     optimum: Optimum,
 }
 
-/// Searches at each total mass. A search that ends above the best of a lighter one takes that: it is allowed.
+/// Searches at each total mass. A lighter design is taken where it is better than the one found.
 pub(crate) fn run(arguments: &Arguments, scenario: &Scenario) -> Result<(), Failure> {
     if arguments.out.is_some() {
         bail!(

@@ -179,7 +179,8 @@ pub(super) fn search(arguments: &Arguments, scenario: &Scenario, mass: f64) -> R
     Ok(search)
 }
 
-/// Searches, with a progress bar whose text begins with `begins`. Ctrl-C ends it with the best so far.
+/// Searches, with a progress bar whose text begins with `begins`. Ctrl-C ends the search with the best so
+/// far.
 pub(super) fn find(scenario: &Scenario, search: &Search, begins: &str) -> Result<Optimum, Failure> {
     let bar = output::progress(search.evaluations as u64);
     let stop = interrupt::orderly("the search did not end in time and nothing was written".to_owned());
@@ -214,7 +215,7 @@ pub(super) fn name(objective: Objective) -> String {
     }
 }
 
-/// Names the option in place of the search's field.
+/// Turns an error of a search into a failure that names the option in place of the search's field.
 fn refusal(error: OptimiseError) -> Failure {
     match error {
         OptimiseError::Search(InputError {

@@ -77,7 +77,7 @@ impl ParameterSensitivities {
     }
 }
 
-/// A relative change; 0 if it rounds to that.
+/// Writes a relative change with four decimals; `0` if it rounds to zero.
 fn percent(change: f64) -> String {
     if change.abs() < 5e-5 {
         "0".to_owned()
@@ -119,7 +119,7 @@ pub(crate) fn table(summary: &Summary, rows: &[ParameterSensitivities]) -> Strin
     let header = rows.iter().fold("% for 1 % more of".to_owned(), |header, row| {
         format!("{header} | {}", row.parameter)
     });
-    // A result that is nothing but rounding has no relative change.
+    // A result of 0 has no relative change.
     let shown = results.into_iter().filter(|(_, value, _)| value.abs() > 0.0);
     let cells = shown.map(|(name, _, relative)| {
         let numbers = relative.into_iter().map(percent);

@@ -65,7 +65,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let options = Options::default().with_progress(&show);
     let mut derivatives = None;
     let summary = match &out {
-        // Nothing is kept in memory: a chain may have any length.
+        // No time series is kept in memory, so a chain may have any length.
         None if arguments.sensitivities => {
             let (summary, rows) = sensitivities::of_all(&scenario, &options)?;
             derivatives = Some(rows);
@@ -76,7 +76,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     };
     progress.finish_and_clear();
     let validity = Validity::of(&scenario, &summary.peak_force)?;
-    // A chain without load or with unlike beads has no bands, which is no fault of it.
+    // A chain without load or with unlike beads has no bands, which is no error.
     let bands = Dispersion::of(&scenario)
         .ok()
         .map(|dispersion| dispersion.bands());
@@ -211,7 +211,7 @@ fn table(title: &str, report: &SimulateReport) -> String {
     parts.join("\n\n")
 }
 
-/// The table of energies, each as a part of what the striker brought, or of the work of a drive too.
+/// The table of energies, each also as a part of the striker's energy plus the work of the drive.
 fn energies(energy: &EnergySummary) -> String {
     let given = energy.striker_initial + energy.drive_work.unwrap_or(0.0);
     let mut rows = vec![("striker, initial", energy.striker_initial)];

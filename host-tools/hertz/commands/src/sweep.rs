@@ -131,9 +131,9 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
 }
 
-/// Time of a chunk, which an interruption can cost, s.
+/// Time of a chunk, s: the most that an interruption can cost.
 const CHUNK_SECONDS: f64 = 5.0;
-/// Points of a chunk at most, and chunks of a sweep.
+/// Greatest number of points in a chunk, and of chunks in a sweep.
 const CHUNK_POINTS: u64 = 1 << 16;
 const CHUNKS: u64 = 10_000;
 

@@ -194,7 +194,7 @@ pub(crate) fn run(running: &RunArguments) -> Result<(), Failure> {
 
 pub(crate) fn submit(submitting: &SubmitArguments) -> Result<(), Failure> {
     let folder = Folder::open(&submitting.dir)?;
-    // The job that merges may replace the table only if it could be written now.
+    // The merging job replaces the table, so its place is checked now.
     result(&folder, &submitting.out, submitting.overwrite)?;
     let (missing, chunks, plan) = (folder.missing()?, folder.chunks(), slurm_name(&folder));
     if missing.is_empty() {

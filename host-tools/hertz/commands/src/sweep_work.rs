@@ -8,7 +8,7 @@ use hertz_sweep::compute;
 use hertz_sweep::folder::{Folder, Merged};
 use hertz_sweep::plan::Plan;
 
-/// Parses the name of a sweep's table, which is no CSV.
+/// Parses the path of a sweep's table. Refuses the ending `.csv`, since the table is a Parquet file.
 pub(crate) fn table_file(text: &str) -> Result<PathBuf, String> {
     let path = PathBuf::from(text);
     let ending = path.extension();
@@ -65,7 +65,7 @@ impl Consent {
     }
 }
 
-/// Time of a point, s.
+/// Measures the time of a point, s.
 pub(crate) fn measured(plan: &Plan) -> f64 {
     let spinner = output::spinner("trying a few points");
     let seconds = compute::seconds_for_each(plan);
@@ -84,7 +84,7 @@ pub(crate) fn compute_missing(folder: &Folder) -> Result<u64, Failure> {
     let mut done = folder.plan().points() - left;
     let bar = output::part_done(format!("of {} points", HumanCount(folder.plan().points())));
     output::set_part(&bar, done as f64 / all);
-    // Finished chunks tell nothing of the time left.
+    // Chunks of earlier runs say nothing about the pace of this one.
     bar.reset_eta();
     for chunk in missing {
         folder.run(chunk, &|points| {

@@ -33,7 +33,7 @@ impl Drawing {
         })
     }
 
-    /// Options of a reader of the drawing: text is set in a font of this program.
+    /// Options for reading the drawing: text is set in this program's font.
     pub(crate) fn options(&self) -> usvg::Options<'static> {
         let mut options = usvg::Options::default();
         let fonts = options.fontdb_mut();
@@ -42,7 +42,7 @@ impl Drawing {
         options
     }
 
-    /// The error of a form that it cannot have, such as ` as PNG`.
+    /// The error of a drawing that cannot have a form, such as ` as PNG`.
     pub(crate) fn refused(&self, form: &'static str, reason: impl Display) -> Error {
         Error::new(&self.description, form, reason)
     }

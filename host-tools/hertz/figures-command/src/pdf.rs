@@ -15,7 +15,7 @@ const POINTS: f32 = 86.0 / 25.4 * 72.0 / 480.0;
 /// A PDF whose page is the drawing, in its light colours and this program's font.
 ///
 /// # Errors
-/// It is no drawing that can be shown on a page.
+/// The drawing cannot be shown on a page.
 pub(crate) fn pdf(drawing: &Drawing) -> Result<Vec<u8>, Error> {
     const FORM: &str = " as PDF";
     let tree = usvg::Tree::from_str(&drawing.svg, &drawing.options())

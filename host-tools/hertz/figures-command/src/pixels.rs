@@ -22,7 +22,7 @@ const SCREEN: f32 = 1.5;
 /// in a font of this program, so that it looks the same everywhere.
 ///
 /// # Errors
-/// It is no drawing that can be shown as pixels.
+/// The drawing cannot be shown as pixels.
 pub(crate) fn png(drawing: &Drawing) -> Result<Vec<u8>, Error> {
     let pixels = pixels(drawing, PRINT)?;
     let mut bytes = Vec::new();

@@ -23,7 +23,7 @@ fn assert_light(name: &str, svg: &str, colours: usize) {
     let coarse =
         |pixel: &PremultipliedColorU8| [pixel.red(), pixel.green(), pixel.blue()].map(|value| value / 32);
     let seen: BTreeSet<[u8; 3]> = pixels.pixels().iter().map(coarse).collect();
-    // Of a line in black on white only greys are seen.
+    // A black line on white shows only greys.
     let is_hue = |[red, green, blue]: &&[u8; 3]| red.abs_diff(*green) + green.abs_diff(*blue) > 1;
     let hues = seen.iter().filter(is_hue).count();
     assert!(hues >= colours, "{name}: {hues} hues, not {colours}");

@@ -59,7 +59,8 @@ fn verdict(check: &FigureCheck) -> &'static str {
     if check.pass { "ok" } else { "FAILED" }
 }
 
-/// All checks in one Markdown table. Of each conservation law it has the worst value over all figures.
+/// All checks in one Markdown table. Each conservation law has one row, with its worst value over all
+/// figures.
 pub fn markdown(outcomes: &[FigureOutcome]) -> String {
     let mut text = String::from(
         "| figure | what | value | expected | |\n\

@@ -1,4 +1,4 @@
-//! A condition on a figure, and the number that shows if it holds.
+//! A condition on a figure, and the number that shows whether it holds.
 
 use serde::Serialize;
 
@@ -84,7 +84,7 @@ impl FigureCheck {
         }
     }
 
-    /// Marks it as the check of a conservation law.
+    /// Marks the check as that of a conservation law.
     pub fn of_law(self, law: &'static str) -> Self {
         Self {
             law: Some(law),
@@ -92,7 +92,7 @@ impl FigureCheck {
         }
     }
 
-    /// Adds what the paper says instead.
+    /// Adds the paper's value, where it differs.
     pub fn but_paper(self, says: &'static str) -> Self {
         Self {
             paper: Some(says),

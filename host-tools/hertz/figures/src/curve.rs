@@ -1,4 +1,4 @@
-//! Curves, and the axis of time, as all figures have them.
+//! Curves, and the axis of time that all figures share.
 
 use std::ops::Range;
 

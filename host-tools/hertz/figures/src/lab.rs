@@ -17,7 +17,7 @@ pub(crate) struct FigureRun {
     pub(crate) summary: Summary,
 }
 
-/// How well the conservation laws held in a run, or in the worst of several.
+/// Errors of the conservation laws in a run, or in the worst of several.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct LawErrors {
     /// Error of the energy balance, as a part of the striker's energy.
@@ -26,7 +26,7 @@ pub(crate) struct LawErrors {
     pub(crate) momentum: f64,
 }
 
-/// A result that was made of a run, and how well the laws held in the run.
+/// A result computed from a run, and how well the laws held in the run.
 type KeptResult = (Arc<dyn Any + Send + Sync>, LawErrors);
 
 /// Runs scenarios and keeps their results.
@@ -44,7 +44,7 @@ impl std::fmt::Debug for Lab {
 }
 
 impl Lab {
-    /// Forgets what was kept. The figures that follow do not need it.
+    /// Drops the kept results, which the next figures do not need.
     pub fn clear(&self) {
         lock(&self.kept).clear();
     }
@@ -54,8 +54,8 @@ impl Lab {
         lock(&self.used).clear();
     }
 
-    /// The number of runs of the current figure, and how well the laws held in the worst; none if it used no
-    /// run.
+    /// The number of runs of the current figure, and how well the laws held in the worst; `None` if the
+    /// figure used no run.
     pub(crate) fn worst(&self) -> Option<(usize, LawErrors)> {
         let used = lock(&self.used);
         let worst = |of: fn(&LawErrors) -> f64| used.values().map(of).fold(0.0, f64::max);
@@ -108,7 +108,7 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 /// Times at which the momentum of a run is checked.
 const LOOKS: usize = 64;
 
-/// Greatest error of the momentum, over the striker's: two bodies that meet may have none in all.
+/// Greatest error of the momentum, as a part of the striker's: the total of two bodies that meet may be zero.
 fn momentum_error(solution: &Solution) -> f64 {
     let model = solution.model();
     let scale = (model.mass(0) * model.striker_speed()).abs();

@@ -22,7 +22,7 @@ pub(crate) fn train(solution: &Solution, contact: usize) -> Vec<Pulse> {
     solution.pulses(contact, &search)
 }
 
-/// How long the striker first touches, s: until contact 1 opens. The force may have several humps until then.
+/// Duration of the striker's first contact, s, until contact 1 opens. Its force may have several humps.
 pub(crate) fn contact_time(run: &FigureRun) -> f64 {
     let search = PulseSearch {
         height: 1e-6,
@@ -35,7 +35,8 @@ pub(crate) fn contact_time(run: &FigureRun) -> f64 {
     last.map_or(f64::NAN, |hump| hump.to)
 }
 
-/// Sampling interval of a force for its transform, s. Its frequency is far above what a pulse contains.
+/// Sampling interval of a force for its transform, s. The sampling frequency is far above what a pulse
+/// contains.
 const INTERVAL: f64 = 2e-6;
 
 /// The Fourier transform of a contact's force over `span` (s), which begins and ends at rest.
@@ -97,7 +98,7 @@ pub(crate) fn last(points: &[(f64, f64)]) -> f64 {
     points.last().map_or(f64::NAN, |point| point.1)
 }
 
-/// The least factor from one value to the next. It is above 1 if the values grow all along.
+/// The least factor from one value to the next. It is above 1 if each value exceeds the one before.
 pub(crate) fn least_growth(values: &[f64]) -> f64 {
     values
         .windows(2)
@@ -105,8 +106,8 @@ pub(crate) fn least_growth(values: &[f64]) -> f64 {
         .fold(f64::INFINITY, f64::min)
 }
 
-/// Where a curve over a logarithmic axis is greatest: the top of the parabola through the greatest point and
-/// its neighbours. Not a number if the greatest point is an end.
+/// Place of the maximum of a curve over a logarithmic axis: the top of the parabola through the greatest
+/// point and its neighbours. Not a number if the greatest point is an end.
 pub(crate) fn summit(points: &[(f64, f64)]) -> f64 {
     let top = (0..points.len()).max_by(|&a, &b| points[a].1.total_cmp(&points[b].1));
     let Some(top) = top.filter(|&top| top > 0 && top + 1 < points.len()) else {

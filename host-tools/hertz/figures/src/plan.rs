@@ -1,4 +1,4 @@
-//! A figure: how it is drawn, what was drawn, and what its checks gave.
+//! A figure: its plan, the drawing, and the results of its checks.
 
 use serde::Serialize;
 
@@ -94,7 +94,7 @@ impl FigurePlan {
         self.name.eq_ignore_ascii_case(name) || self.plate().eq_ignore_ascii_case(name)
     }
 
-    /// The plate of the figure: the number that it shares with other figures, which share its runs.
+    /// The plate of the figure: its number without the letter. Figures of one plate share their runs.
     pub fn plate(&self) -> &'static str {
         let number = self
             .name

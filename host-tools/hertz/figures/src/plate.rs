@@ -12,7 +12,7 @@ pub fn numbers(plans: &[FigurePlan]) -> Vec<&'static str> {
     numbers
 }
 
-/// Numbers of the plates of which all figures are among these, if they have several.
+/// Numbers of the plates that have several figures, all of them among these.
 pub fn whole(plans: &[FigurePlan]) -> Vec<&'static str> {
     let count = |plans: &[FigurePlan], number: &str| {
         let lettered = |plan: &&FigurePlan| plan.plate() == number && !plan.letter().is_empty();
@@ -26,7 +26,7 @@ pub fn whole(plans: &[FigurePlan]) -> Vec<&'static str> {
     numbers
 }
 
-/// The sheet of these figures of one number; `None` unless it is whole. An animation has no place in print.
+/// The sheet of these figures of one number; `None` if one is missing. Animations are left out.
 pub fn assemble(figures: &[(FigurePlan, Figure)]) -> Option<Plate> {
     let plans: Vec<FigurePlan> = figures.iter().map(|(plan, _)| *plan).collect();
     let number = *whole(&plans).first()?;

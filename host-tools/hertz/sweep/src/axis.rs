@@ -68,7 +68,7 @@ pub enum Values {
         dimensions: usize,
         /// Least value.
         from: f64,
-        /// Greatest value; of beads the next one, since drawn values are cut.
+        /// Greatest value; for beads one more, since drawn values are rounded down.
         to: f64,
         /// True if drawn evenly in the logarithm.
         log: bool,
@@ -124,7 +124,7 @@ impl Along {
             other => Value::Float(other.number(place).expect("only lists hold anything but numbers")),
         };
         match value {
-            // Numbers of beads are whole but for rounding, and drawn ones are cut.
+            // Numbers of beads are whole but for rounding; drawn values are rounded down.
             Value::Float(number) if self.key.of_beads() => Value::Integer(match self.values {
                 Values::Drawn { to, .. } => number.floor().min(to - 1.0),
                 _ => number.round(),
@@ -154,7 +154,7 @@ impl Along {
         }
     }
 
-    /// A value that the list has twice, which a cube has no place for.
+    /// The first repeated value of the list. A cube cannot hold such an axis.
     pub fn twice(&self) -> Option<String> {
         let Values::List { values, .. } = &self.values else {
             return None;
@@ -165,7 +165,7 @@ impl Along {
     }
 }
 
-/// The text of a value: a list of beads with blanks between them.
+/// The text of a value. The beads of a list are separated by blanks.
 fn shown(value: &Value) -> String {
     match value {
         Value::String(text) => text.clone(),

@@ -96,7 +96,7 @@ impl AxisTable {
         Ok(SweepAxis { name, along, count })
     }
 
-    /// All spacings that are given, of which one is right.
+    /// All spacings that the table gives. Exactly one is valid.
     fn spacings(&self) -> Vec<Spacing<'_>> {
         let given = [
             self.values.as_deref().map(Spacing::List),
@@ -264,7 +264,7 @@ fn check_range(at: &str, numbers: &[f64]) -> Result<(), InputError> {
     }
 }
 
-/// Checks a number of values, which a file may give among other numbers.
+/// Checks a number of values, which a file gives as a float.
 fn check_count(at: &str, count: f64) -> Result<u64, InputError> {
     if count >= 1.0 && count.fract() == 0.0 && count <= MOST_PLACES as f64 {
         return Ok(count as u64);
@@ -308,7 +308,7 @@ fn check_spaced_beads(at: &str, key: &ScenarioKey, values: &Values, count: u64) 
     check_beads(at, key, (0..count).map(number))
 }
 
-/// Checks the kinds of listed values: numbers or texts, and of beads lists of numbers too.
+/// Checks the kinds of listed values: numbers or texts, and for beads also lists of numbers.
 fn check_list(at: &str, key: &ScenarioKey, list: &[Value]) -> Result<(), InputError> {
     let number = |value: &Value| value.as_float().or(value.as_integer().map(|whole| whole as f64));
     let wrong = |what: &str, advice: &str| refused(at, format!("{key}: {what}"), advice);

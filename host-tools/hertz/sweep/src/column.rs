@@ -44,7 +44,7 @@ impl<'a> AxisColumn<'a> {
         self.along.filter(|along| along.kind() == CellKind::Text)
     }
 
-    /// The number at a place; a text has its place.
+    /// The number at a place. The number of a text is its place.
     pub(super) fn number(&self, place: u64) -> f64 {
         match self.along.filter(|along| along.kind() != CellKind::Text) {
             Some(along) => along.cell(place).as_f64().unwrap_or(f64::NAN),

@@ -14,11 +14,11 @@ const TOGETHER: u64 = 4096;
 /// Bodies in memory at a time, some 500 B each.
 const BODIES: usize = 1 << 20;
 
-/// Runs the points of a range on all threads of the current pool, and hands their rows on in order.
+/// Runs the points of a range on all threads of the current pool, and passes their rows to `take` in order.
 /// `progress` gets the number of points done. The row of a point that cannot be run holds the reason.
 ///
 /// # Errors
-/// Those of `take`.
+/// Errors of `take`.
 pub fn compute(
     plan: &Plan,
     points: Range<u64>,
@@ -40,8 +40,8 @@ pub fn compute(
     Ok(())
 }
 
-/// Scenarios of the first points of a range, as many as memory should hold. They are made in portions that
-/// double, so that few are made in vain.
+/// Scenarios of the first points of a range, as many as memory should hold. They are made in portions of
+/// doubling size, so that few are discarded.
 fn batch(plan: &Plan, points: Range<u64>) -> Vec<Result<Scenario, String>> {
     let beads = |scenario: &Result<Scenario, String>| scenario.as_ref().map_or(1, |one| one.chain.beads);
     let threads = rayon::current_num_threads();

@@ -50,7 +50,7 @@ impl Definition {
     /// Reads a file, and the scenario that it names, and checks them.
     ///
     /// # Errors
-    /// The file or its scenario is wrong: file, line, key, and what would do.
+    /// The file or its scenario is wrong: file, line, key, and advice.
     pub fn load(path: &Path) -> Result<Self, InputError> {
         let text = read_text(path, "a sweep's file in TOML")?;
         Self::read(&text, &path.display().to_string(), |file, scenario| {
@@ -125,7 +125,7 @@ impl Definition {
             .map_err(|error| file.locate(error))
     }
 
-    /// Adds the axes, and checks all of the sweep: each key is one of a scenario's, is there once, and takes
+    /// Adds the axes, and checks the whole sweep: each key belongs to a scenario, occurs once, and accepts
     /// its values.
     fn with_axes(mut self, tables: &[AxisTable]) -> Result<Self, InputError> {
         let base = self.base()?;
@@ -332,7 +332,8 @@ mod tests {
         }
     }
 
-    /// The last two make a table that the scenario does not have, of which each key alone would not do.
+    /// The keys of the last two make a table that the scenario does not have; neither key would be valid
+    /// alone.
     #[test]
     fn beads_are_whole_and_keys_may_make_a_table_together() {
         let young = "key = \"wall.young\"\nvalues = [1e9, 2e9]\n[[axis]]";
@@ -348,7 +349,7 @@ mod tests {
         }
     }
 
-    /// Lines of a file, parted by ` \n `, the defect, and the advice; `axis:` begins an axis.
+    /// Lines of a file, separated by ` \n `, the defect, and the advice; `axis:` begins an axis.
     const REFUSALS: &str = r#"
  => sweep.toml: => the key `axis` is missing
 axis = [] => sweep.toml:1: axis: the sweep has no axis => [[axis]]

@@ -3,7 +3,7 @@
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// A method to draw points. A point depends on its number and the seed alone.
+/// A method to draw points. A point depends only on its number and the seed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Method {
     /// Independent points.

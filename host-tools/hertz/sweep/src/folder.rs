@@ -47,11 +47,11 @@ pub const MOST_CHUNKS: u64 = 99_999;
 const PROGRAM: &str = concat!("bead ", env!("CARGO_PKG_VERSION"));
 
 impl Folder {
-    /// Makes a folder for a plan of `chunks` chunks, but no more than points or [`MOST_CHUNKS`]. A folder
-    /// that holds the plan already is opened as it is.
+    /// Makes a folder for a plan of `chunks` chunks, limited to the number of points and to
+    /// [`MOST_CHUNKS`]. A folder that holds the plan already is opened as it is.
     ///
     /// # Errors
-    /// It holds another plan or other files, or cannot be made.
+    /// The folder holds another plan or other files, or cannot be made.
     pub fn create(path: &Path, plan: Plan, chunks: u64) -> anyhow::Result<Self> {
         let place = path.display();
         if path.join(PAGE).exists() {
@@ -86,7 +86,7 @@ impl Folder {
         let text = toml::to_string(&page).expect("numbers and strings are TOML");
         let written = Target::new(path.join(PAGE)).replacing(true).write_bytes(text);
         if written.is_err() && !was_there {
-            // It is empty. The error of the plan says what matters.
+            // The folder is empty. The error to report is that of the plan.
             let _ = fs::remove_dir(path);
         }
         written?;
@@ -100,7 +100,7 @@ impl Folder {
     /// Opens a folder.
     ///
     /// # Errors
-    /// It holds no plan, or one that was edited or made by another version.
+    /// The folder holds no plan, or one that was edited or made by another version.
     pub fn open(path: &Path) -> anyhow::Result<Self> {
         let file = path.join(PAGE);
         if !file.exists() {
@@ -151,7 +151,7 @@ impl Folder {
 
     /// The points of a chunk. The sizes of two chunks differ by one point at most.
     pub fn points(&self, chunk: u64) -> Range<u64> {
-        // The product has up to 70 bits, the quotient is a point.
+        // The product has up to 70 bits. The quotient is the number of a point.
         let end = |chunk: u64| {
             (u128::from(self.plan.points()) * u128::from(chunk) / u128::from(self.chunks)) as u64
         };
@@ -179,7 +179,7 @@ impl Folder {
     /// True if a chunk is finished.
     ///
     /// # Errors
-    /// The file of its name is not this chunk of this plan.
+    /// The file with the chunk's name does not hold this chunk of this plan.
     pub fn finished(&self, chunk: u64) -> anyhow::Result<bool> {
         let path = self.part(chunk);
         if !path.exists() {

@@ -25,7 +25,7 @@ const UNITS: [(&str, &str); 12] = [
     ("young", "pa"),
 ];
 
-/// Parts of a key at most. Those of a scenario have four.
+/// Greatest number of parts of a key. A scenario's keys have four.
 const MOST_PARTS: usize = 8;
 
 impl ScenarioKey {
@@ -36,7 +36,7 @@ impl ScenarioKey {
     pub fn parse(text: &str) -> Result<Self, InputError> {
         let count = text.split('.').count();
         if count > MOST_PARTS {
-            // A scenario with tables so deep in each other cannot even be dropped.
+            // A scenario with tables nested this deeply cannot even be dropped.
             let what = format!("a key of {count} parts is in no scenario");
             return Err(InputError::at("", what, "write it like intruder.1.mass"));
         }

@@ -2,11 +2,11 @@
 //!
 //! # Design
 //! A [`definition`] names a scenario, axes and outputs. Points are numbered, and the last axis turns fastest.
-//! The scenario and the row of a point depend on its number alone, so any number of threads and programs can
-//! compute points in any chunks. A [`folder`] holds a plan and a part for each finished chunk. A part appears
-//! whole or not at all, so the parts tell where to go on, and their merged bytes do not depend on the chunks.
-//! One machine and a cluster work alike; [`slurm`] only assigns chunks to jobs. [`time_series`] is the table
-//! of a single run.
+//! The scenario and the row of a point depend only on its number, so any number of threads and programs can
+//! compute points in any chunks. A [`folder`] holds a plan and a part for each finished chunk. A part
+//! appears whole or not at all, so the parts show where to resume, and their merged bytes do not depend on
+//! the chunks. One machine and a cluster work alike; [`slurm`] only assigns chunks to jobs. [`time_series`]
+//! is the table of a single run.
 
 pub mod axis;
 mod axis_table;

@@ -78,7 +78,7 @@ impl SweepOutputs {
     pub fn cells(&self, outcome: &EnsembleOutcome) -> Vec<Cell> {
         let (end, model) = (outcome.end(), outcome.model());
         let (absorbed, injected) = (outcome.absorbed(), outcome.injected());
-        // A part of no energy is null.
+        // A part of zero energy is null.
         let part = |energy: f64, of: f64| Cell::number(Some(energy / of).filter(|part| part.is_finite()));
         let mut cells = Vec::new();
         if self.absorbed {

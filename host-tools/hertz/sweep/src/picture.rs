@@ -74,7 +74,7 @@ fn values(reader: &Reader, plan: &Plan, at: &[ChosenPlace], result: &str) -> any
     Ok(rows)
 }
 
-/// The text for readers who cannot see the chart, with the places that --at took.
+/// The text for readers who cannot see the chart, with the places that --at chose.
 fn description(plan: &Plan, at: &[ChosenPlace], what: &str) -> String {
     let title = match plan.definition().title.as_str() {
         "" => String::new(),
@@ -84,7 +84,7 @@ fn description(plan: &Plan, at: &[ChosenPlace], what: &str) -> String {
     format!("{title}{what}{at}")
 }
 
-/// The lines above the axes: the sweep's title, the column of the curves, and the places that --at took.
+/// The lines above the axes: the sweep's title, the column of the curves, and the places that --at chose.
 fn note(plan: &Plan, by: Option<&Side>, at: &[ChosenPlace]) -> String {
     let title = Some(plan.definition().title.clone()).filter(|title| !title.is_empty());
     let by = by.map(|by| format!("by {}", by.quantity.label()));
@@ -123,7 +123,7 @@ fn curves(
     });
     let panel = Panel::new(y.label(), series.collect()).note(note(plan, by.as_ref(), &layout.at));
     let (low, high) = ends(across.values.iter().copied());
-    // A text has room on both sides.
+    // Texts need room on both sides.
     let room = if across.texts.is_empty() { 0.0 } else { 0.5 };
     let axis = across.axis((low - room, high + room));
     let what = format!("{} over {}", y.label(), axis.label);
@@ -208,7 +208,7 @@ mod tests {
         view(words).check(&plan(axes))
     }
 
-    /// A table of these points with these results, which tells of a sweep over these axes, drawn.
+    /// Draws a table of these points with this result, as a sweep over these axes would leave it.
     fn drawn_over(
         points: impl IntoIterator<Item = i64>,
         result: &Cell,
@@ -252,7 +252,7 @@ mod tests {
         let expected =
             "some values of intruder_1_mass_kg cannot be told apart; draw a map over zip, or a curve";
         assert_eq!(why, expected);
-        // Each of 3 × 2 points has a cell, of one colour along a row.
+        // The cells of the 3 × 2 points have one colour, so those of a row are one rectangle.
         let map = svg(&axes, "map=absorbed_j y=zip");
         assert_eq!(map.matches("crispEdges").count(), 128 + 3);
     }

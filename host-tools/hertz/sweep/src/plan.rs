@@ -51,7 +51,7 @@ impl Plan {
             strides[axis - 1] = strides[axis] * axes[axis].count;
         }
         let mut hasher = SipHasher24::new();
-        // Another version of the program may find other last digits.
+        // The version is part of the hash, since another version may compute other last digits.
         hasher.write(concat!("bead ", env!("CARGO_PKG_VERSION"), "\n").as_bytes());
         hasher.write(definition.to_toml().as_bytes());
         let hash = format!("{:032x}", hasher.finish128().as_u128());
@@ -98,7 +98,7 @@ impl Plan {
     /// The scenario of a point.
     ///
     /// # Errors
-    /// The reason why there is none.
+    /// The reason why the point has no scenario.
     pub fn scenario(&self, point: u64) -> Result<Scenario, String> {
         let mut table = self.definition.scenario().clone();
         for (axis, place) in self.axes().iter().zip(self.places(point)) {

@@ -10,7 +10,7 @@ use bead_tables::Cell;
 use bead_tables::printable::{beginning, one_line};
 use bead_tables::unit::Unit;
 
-/// Letters of a text in a legend or a note, and of one at an axis.
+/// Greatest number of letters of a text in a legend or a note, and at an axis.
 const TEXT_LETTERS: usize = 40;
 const AXIS_LETTERS: usize = 12;
 
@@ -45,8 +45,8 @@ impl ShownQuantity {
     }
 }
 
-/// The value at a place, for people. Where several keys change along the axis, other places may have that
-/// value, so the place follows.
+/// The value at a place, for people. Where several keys change along the axis, other places may have the
+/// same value, so the place is added.
 pub(super) fn label(column: &AxisColumn<'_>, place: u64) -> String {
     let number = column.number(place);
     let quantity = ShownQuantity::new(&column.name(), [number].into_iter());
@@ -68,7 +68,7 @@ fn text(along: &Along, place: u64) -> String {
     }
 }
 
-/// Writes numbers with four digits, or with more where they differ only there.
+/// Writes numbers with four digits, or with as many as it takes to tell them apart.
 fn short(values: &[f64]) -> Vec<String> {
     let with = |decimals: usize| -> Vec<String> {
         let rounded = |value: &f64| format!("{value:.decimals$e}").parse().unwrap_or(*value);
@@ -87,7 +87,7 @@ pub(super) struct Side {
     pub(super) scale: Scale,
     /// Texts by place; empty for a column of numbers.
     pub(super) texts: Vec<String>,
-    /// True if the values are drawn, and follow no line.
+    /// True if the values are drawn from a distribution: their points are not joined.
     pub(super) is_drawn: bool,
 }
 
@@ -114,7 +114,7 @@ impl Side {
         }
     }
 
-    /// The label, and the texts at the axis. Long texts give way to their places.
+    /// The label, and the texts at the axis. Long texts are replaced by their places.
     pub(super) fn names(&self) -> (String, Vec<String>) {
         let label = self.quantity.label();
         if self.texts.iter().all(|text| text.chars().count() <= AXIS_LETTERS) {

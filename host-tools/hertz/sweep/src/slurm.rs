@@ -40,7 +40,7 @@ impl Jobs<'_> {
         let chunk = format!("--chunk \"$SLURM_ARRAY_TASK_ID/{chunks}\" --threads {cpus}");
         let run = format!("exec {program} sweep run {folder} {chunk}");
         let merge = format!("exec {program} sweep merge {folder} --out {out} --overwrite");
-        // A cluster's name may follow the number of a job.
+        // `sbatch` may print the name of a cluster after the number of a job.
         format!(
             "array=$({}) || exit\necho \"array: job ${{array%%;*}}\"\n{} \"--dependency=afterany:${{array%%;*}}\"",
             self.job("sweep", "log-%a.txt", &array, &run),
@@ -108,7 +108,7 @@ mod tests {
             at_once: Some(3),
             options: &["--partition=all".to_owned()],
         };
-        // A shell that prints the words of each call, and gives it a number.
+        // A stand-in for `sbatch` that prints the words of each call and answers with a job number.
         let sbatch = "sbatch() { printf '%s\\n' \"$@\" >&2; echo '7;cluster'; }";
         let script = format!("{sbatch}\n{}", jobs.script());
         let read = Command::new("sh").args(["-c", &script]).output().unwrap();

@@ -99,12 +99,12 @@ fn table<'a>(
     Writer::parquet(file, "time_series", &columns, &notes)
 }
 
-/// Runs a scenario, writes `rate_hz` rows a second from time 0 on, and returns the summary. Only some rows
-/// are held in memory, so the chain may have any length.
+/// Runs a scenario, writes `rate_hz` rows a second from time 0, and returns the summary. Only some rows are
+/// held in memory, so the chain may have any length.
 ///
 /// # Errors
-/// The rate is no positive number, gives no second row or cannot show the scenario's drive, the scenario
-/// cannot be run, or the file cannot be written.
+/// The rate is not a positive number, yields no second row or cannot show the scenario's drive, the
+/// scenario cannot be run, or the file cannot be written.
 pub fn write(
     scenario: &Scenario,
     options: &Options<'_>,

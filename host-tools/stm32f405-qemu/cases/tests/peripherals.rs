@@ -1,8 +1,8 @@
-//! Cases that hold the emulator's peripherals against the reference manual RM0090, by stm32-metapac's names.
+//! Cases that check the emulator's peripherals against the reference manual RM0090, by stm32-metapac's names.
 //!
 //! # Design
 //!
-//! The image begins on the internal oscillator of 16 MHz, as after a reset, and each case has the part for
+//! The image begins on the internal oscillator of 16 MHz, as after a reset, and each case has the part to
 //! itself: the runner starts it from power-up. Times are compared with the cycle counter or another timer;
 //! their tolerance is some instructions of the loop that waits.
 #![no_std]
@@ -18,7 +18,7 @@ use pac::gpio::vals::{Idr, Moder, Pupdr};
 use pac::rcc::vals::{Pllm, Plln, Pllp, Pllq, Pllsrc, Ppre, Sw};
 use pac::{interrupt, *};
 
-/// Updates of TIM2 that interrupted.
+/// Number of interrupts by updates of TIM2.
 static UPDATES: AtomicU32 = AtomicU32::new(0);
 
 #[interrupt]
@@ -34,7 +34,7 @@ fn count_cycles() {
     core.DWT.enable_cycle_counter();
 }
 
-/// Cycles that pass until a condition holds.
+/// Measures the cycles until a condition holds.
 fn cycles_until(holds: impl Fn() -> bool) -> u32 {
     let began = DWT::cycle_count();
     while !holds() {}
@@ -301,7 +301,7 @@ mod memories {
     }
 }
 
-/// The last sector of flash, which no program lies in.
+/// The last sector of flash, which no program uses.
 const SECTOR_11: usize = 0x080e_0000;
 
 /// Unlocks flash for words of 32 bits (section 3.5.1).
@@ -322,7 +322,7 @@ fn word(address: usize) -> u32 {
 #[allow(unsafe_code, reason = "as above")]
 fn program(address: usize, value: u32) {
     FLASH.cr().modify(|w| w.set_pg(true));
-    // SAFETY: as above, and no program lies there.
+    // SAFETY: as above, and no program is in that sector.
     unsafe { core::ptr::with_exposed_provenance_mut::<u32>(address).write_volatile(value) }
     while FLASH.sr().read().bsy() {}
 }
@@ -440,7 +440,7 @@ mod resets {
         PWR.cr1().modify(|w| w.set_dbp(true));
     }
 
-    /// A backup register and flash outlive a reset, but not what the runner does between two cases.
+    /// A backup register and flash survive a reset, but not the runner's restart between two cases.
     fn find_no_mark_and_leave_one() {
         assert!(RCC.csr().read().porrstf());
         assert_eq!((RTC.bkpr(3).read().bkp(), word(SECTOR_11)), (0, u32::MAX));
@@ -495,7 +495,7 @@ mod ends {
         (top == 0xffff).then_some(()).ok_or(top)
     }
 
-    /// Only on request: to see that a failure is one.
+    /// Runs only on request: shows that a failure is reported.
     #[test]
     #[ignore]
     fn a_wrong_claim_fails() {
@@ -503,7 +503,7 @@ mod ends {
         assert_eq!(TIM3.arr().read().arr(), 0xfffe, "the timer counts to 65534");
     }
 
-    /// Only on request: it never ends, and no hang is found, since interrupts go on.
+    /// Runs only on request: it never ends, and no hang is found, since interrupts continue.
     #[test]
     #[ignore]
     #[timeout(1)]

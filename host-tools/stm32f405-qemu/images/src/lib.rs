@@ -2,9 +2,9 @@
 //!
 //! # Design
 //!
-//! Each image shows one thing that firmware does and that an emulator may get wrong. It logs what it saw, and
-//! ends with a breakpoint. The tests on the host say what it must have seen. The images use no peripheral
-//! crate: what they do to a register stands in them.
+//! Each image shows one thing that firmware does and that an emulator may get wrong. It logs its
+//! observations, and ends with a breakpoint. The tests on the host check them. The images use no peripheral
+//! crate: they access registers by address.
 //!
 //! To add one, put a file in `src/bin/`. One that uses embassy also gets its `[[bin]]` in `Cargo.toml`, and
 //! its name in the list of `tests/all/images.rs`, which builds them.
@@ -47,12 +47,12 @@ pub fn modify(address: usize, change: impl FnOnce(u32) -> u32) {
     write(address, change(read(address)));
 }
 
-/// Lets an interrupt through.
+/// Enables an interrupt.
 pub fn enable_interrupt(number: usize) {
     write(NVIC_ISER + number / 32 * 4, 1 << (number % 32));
 }
 
-/// The end of an image that came through.
+/// Ends an image that passes.
 pub fn done() -> ! {
     cortex_m::asm::bkpt();
     loop {
@@ -60,7 +60,7 @@ pub fn done() -> ! {
     }
 }
 
-/// Says what happened, and stands in a loop, as most panic handlers do.
+/// Logs the panic, and stays in a loop, as most panic handlers do.
 #[panic_handler]
 fn panic(info: &PanicInfo<'_>) -> ! {
     defmt::error!("{}", defmt::Display2Format(info));

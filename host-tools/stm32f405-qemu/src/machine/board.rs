@@ -20,7 +20,7 @@ pub trait Exterior {
     fn write_memory(&mut self, address: u32, bytes: &[u8]);
     /// Writes flash behind the processor's back, until the next reset.
     fn overwrite_flash(&mut self, address: u32, bytes: &[u8]);
-    /// The firmware changed what stands in `WRITABLE`.
+    /// The firmware changed the contents of `WRITABLE`.
     fn flash_changed(&mut self, address: u32, bytes: &[u8]);
     /// The processor stands still from now on, or goes on: flash cannot be read while it is written.
     fn stall(&mut self, stalled: bool);
@@ -32,9 +32,8 @@ pub trait Exterior {
     fn sent(&mut self, usart: usize, data: u16, at: u64);
     /// Asks a device at a bus. Virtual time stands still until it answers.
     fn ask(&mut self, call: BusCall) -> BusAnswer;
-    /// The DMA stream of the converter that samples filled a part of its buffer that it interrupts for.
-    /// `scans` were started since the last part; it is 0 if the interrupt of the last part was not served
-    /// yet.
+    /// The DMA stream of the sampling converter filled a part of its buffer that it interrupts for. `scans`
+    /// were started since the last part, 0 if the interrupt of that part is not served yet.
     fn acquired(&mut self, scans: u64);
     /// The watchdog ran out, or the power went. Reset the processor, and call `Machine::reset` when that
     /// happens.

@@ -20,12 +20,12 @@ pub(super) struct Buses {
     pub(super) spi: Vec<SpiDevice>,
     /// The device that has acknowledged its address, on each I2C bus.
     pub(super) answering: [Option<usize>; I2CS.len()],
-    /// Devices that were selected or let go, and that do not know it yet.
+    /// Calls to devices that were selected or released, not made yet.
     pub(super) selections: Vec<BusCall>,
 }
 
 impl Buses {
-    /// A bus or pin that does not exist panics: the host checks them before.
+    /// Panics if a bus or pin does not exist: the host checks them before.
     pub(super) fn new(devices: &Devices) -> Self {
         let mut buses = Self::default();
         let position = |names: &[&str], bus: &str| {

@@ -21,7 +21,7 @@ use crate::peripherals::tim::Tim;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum DeepSleep {
     Stop,
-    /// STOP is over, and the processor does not know yet.
+    /// STOP has ended, and the processor is still to be woken.
     StopEnds,
     Standby,
     StandbyEnds,
@@ -39,7 +39,7 @@ pub(super) struct Chip {
     pub(super) wires: Wires,
     pub(super) analog_wires: Vec<AnalogLoop>,
     pub(super) buses: Buses,
-    /// A timer has requested DMA or may be restarted by another: most images have none.
+    /// True if a timer has requested DMA or may be restarted by another. Most images have no such timer.
     pub(super) linked_timers: bool,
     /// Timers that have had a channel on, a bit for each.
     pub(super) driving: u32,
@@ -50,11 +50,11 @@ pub(super) struct Chip {
     pub(super) deep_sleep: Option<DeepSleep>,
     /// The peripherals that RCC holds in reset, a bit for each row of the table.
     held: u64,
-    /// The buses' reset registers of then.
+    /// The buses' reset registers from which `held` was computed.
     resets: [u32; BUSES],
     pub(super) written: WrittenRows,
     pub(super) part: Part,
-    /// First addresses of the models that the part has not.
+    /// First addresses of the modelled peripherals that the part lacks.
     lacking: Vec<u32>,
 }
 
@@ -71,8 +71,8 @@ impl From<NoRegister> for Unanswered {
 }
 
 impl Chip {
-    /// After power-up: a part with a crystal of `hse_hz`, its factory identifier, and the seed of its random
-    /// numbers.
+    /// Creates a part after power-up, with a crystal of `hse_hz`, its factory identifier, and the seed of
+    /// its random numbers.
     pub(super) fn new(hse_hz: u32, part: Part, uid: [u8; 12], seed: u64, stimulus: StimulusPlayer) -> Self {
         let mut units = Units::new(hse_hz, part.device_id(), uid, seed);
         units.signature.flash_kib = part.flash_kib();
@@ -146,8 +146,8 @@ impl Chip {
         Ok(())
     }
 
-    /// The word that a narrow write stands for. The bridges to APB1 and APB2 repeat its bytes over the whole
-    /// word (section 2.1). Elsewhere the rest of the word stays.
+    /// Widens a narrow write to a word. The bridges to APB1 and APB2 repeat its bytes over the whole word
+    /// (section 2.1). Elsewhere the rest of the word keeps its value.
     pub(super) fn widen(&mut self, address: u32, bytes: u32, value: u32, now: u64) -> u32 {
         match bytes {
             4 => return value,
@@ -165,8 +165,8 @@ impl Chip {
         self.stimulus.sampling().map(|sampling| sampling.first_ns)
     }
 
-    /// Returns `true` if the processor gets no instruction: flash is being written, or its clock has stopped.
-    /// Interrupts wait.
+    /// Returns `true` if the processor executes no instruction: flash is being written, or its clock has
+    /// stopped. Interrupts wait.
     pub(super) fn stands_still(&self) -> bool {
         self.units.flash.stalls() || self.clocks.hclk == 0
     }

@@ -47,7 +47,7 @@ pub(super) fn next_but(chip: &Chip, levels: &Levels, scans: Option<Scans>) -> Op
     let units = &chip.units;
     let tim = &units.tim;
     let mut next = None;
-    // The first of those at the same time.
+    // Of events at the same time, the one offered first is next.
     let mut offer = |at: Option<u64>, event: MachineEvent| {
         if let Some(at) = at
             && next.is_none_or(|(soonest, _)| at < soonest)
@@ -87,7 +87,7 @@ pub(super) fn next_but(chip: &Chip, levels: &Levels, scans: Option<Scans>) -> Op
     for (n, usart) in units.usart.iter().enumerate() {
         offer(usart.next_sent(), MachineEvent::FrameSent(n));
     }
-    // After what is sent: over a wire, a frame that ends keeps the line from being idle.
+    // Offered after sent frames: over a wire, a frame that ends keeps the line from being idle.
     for (n, usart) in units.usart.iter().enumerate() {
         offer(usart.next_received(), MachineEvent::FrameReceived(n));
         offer(usart.next_fetch(), MachineEvent::DmaFetches(n));

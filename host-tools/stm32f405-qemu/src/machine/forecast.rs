@@ -46,7 +46,7 @@ pub(super) fn next_interrupt(chip: &Chip, levels: &Levels) -> Option<u64> {
     let moved =
         moved.filter_map(|tim| units.tim[wiring::master(tim, units.tim[tim].moved_by()?)?].trigger(0));
     let captures = levels.next_capture(chip);
-    // Over a wire, an output may come to an input that interrupts.
+    // Over a wire, an output may reach an input that interrupts.
     let outputs = units.tim.iter().filter(|_| !chip.wires.is_empty());
     let outputs = outputs.filter_map(Tim::next_output);
     alone
@@ -88,7 +88,7 @@ fn acquisition(chip: &Chip, number: usize) -> Option<u64> {
     adc.conversion(beats, trigger).or_else(|| trigger(0))
 }
 
-/// When the DMA stream that feeds an output will raise its line, or the DAC, whose request nobody serves.
+/// When the DMA stream that feeds an output, or the DAC if it has no stream, will raise its line.
 fn playing(chip: &Chip, channel: usize) -> Option<u64> {
     let (dac, server) = (&chip.units.dac, &SERVERS.dac[channel]);
     if !dac.requests_dma(channel) {

@@ -42,7 +42,7 @@ impl Chip {
         }
     }
 
-    /// Tells devices that they were selected or let go.
+    /// Notifies devices that were selected or released.
     pub(super) fn tell_selections(&mut self, levels: &mut Levels, board: &mut impl Exterior) {
         // After every access.
         if self.buses.selections.is_empty() {

@@ -14,7 +14,7 @@ struct LevelChange {
     high: bool,
 }
 
-/// All changes of level that are still to come: for each beginning, in order of time.
+/// All changes of level that are still to come, in order of time: a queue for each origin of time.
 #[derive(Debug, Clone)]
 pub(super) struct Levels([(Since, VecDeque<LevelChange>); 2]);
 
@@ -36,7 +36,7 @@ impl Levels {
         }))
     }
 
-    /// Adds one that comes later.
+    /// Adds a change at a time after power-up.
     pub(super) fn add(&mut self, pin: PinIndex, at_ns: u64, high: bool) {
         let level = LevelChange { at_ns, pin, high };
         if let Some((_, levels)) = self.0.iter_mut().find(|(since, _)| *since == Since::PowerUp) {
@@ -49,12 +49,12 @@ impl Levels {
         self.0.iter().map(|(_, levels)| levels.len()).sum()
     }
 
-    /// When the next one changes. Those since the first scan are not known before it.
+    /// Time of the next change. Changes timed from the first scan have no time before that scan.
     pub(super) fn next(&self, chip: &Chip) -> Option<u64> {
         Some(self.soonest(chip)?.0)
     }
 
-    /// The time of the next one, and its queue.
+    /// Time of the next change, and the number of its queue.
     fn soonest(&self, chip: &Chip) -> Option<(u64, usize)> {
         let fronts = self.0.iter().enumerate().filter_map(|(queue, (since, levels))| {
             let at = since.plus(levels.front()?.at_ns, chip.first_scan_ns())?;
@@ -72,7 +72,7 @@ impl Levels {
         chip.level_changed(level.pin, level.high, at);
     }
 
-    /// Those that have not come, by pin.
+    /// Describes the changes that have not come, by pin.
     pub(super) fn left(&self, chip: &Chip) -> Vec<String> {
         let mut pins = BTreeMap::new();
         for (since, levels) in &self.0 {
@@ -88,8 +88,8 @@ impl Levels {
         pins.iter().map(line).collect()
     }
 
-    /// When a change will next raise an interrupt line, of a timer that captures it or of EXTI, or wake the
-    /// part.
+    /// Time of the next change that will raise an interrupt line, by a timer that captures it or by EXTI, or
+    /// wake the part.
     pub(super) fn next_capture(&self, chip: &Chip) -> Option<u64> {
         let tim = &chip.units.tim;
         // Without this, every wake would search through all edges, even if nothing listens to them.

@@ -62,7 +62,7 @@ impl Chip {
         self.sense_wake_up_pin(pin, high);
     }
 
-    /// Passes the levels on pins, the voltage detector's and the RTC's, on to EXTI.
+    /// Passes the levels of the pins, the voltage detector and the RTC on to EXTI.
     pub(super) fn sense_lines(&mut self, now: u64) {
         /// The line of the voltage detector.
         const DETECTOR: usize = 16;
@@ -106,7 +106,7 @@ impl Chip {
         pins.any(|((pin, _), _)| self.units.gpio[pin.0].input() >> pin.1 & 1 == 1)
     }
 
-    /// The timer and its input that a pin leads to, as the pin is set.
+    /// The timer, and its input, that a pin currently leads to.
     pub(super) fn timer_input(&self, pin: PinIndex) -> Option<(usize, usize)> {
         let function = self.units.gpio[pin.0].alternate(pin.1)?;
         CONNECTIONS.timer_inputs.get(&(pin, function)).copied()

@@ -2,15 +2,15 @@
 //!
 //! # Design
 //!
-//! A loop that waits for a register reads it again and again. Accesses are looked at in windows. Within a
-//! window a vote (Boyer and Moore's for a majority) finds the one address that has more accesses than all
-//! others together, in one counter.
+//! A loop that waits for a register reads it again and again. Accesses are examined in windows. Within a
+//! window, a majority vote (Boyer and Moore) finds the address that has more accesses than all others
+//! together, with a single counter.
 
 /// Accesses in a window: about a second of real time.
 const WINDOW: u32 = 1 << 19;
 /// A lead of 0.8 of the window: nine accesses of ten.
 const CERTAIN: u32 = WINDOW / 10 * 8;
-/// With fewer accesses in the window so far, the window before says more.
+/// Least accesses in a window before its result replaces that of the last window.
 const FEW: u32 = 1000;
 
 #[derive(Debug, Clone, Default)]
@@ -22,8 +22,8 @@ pub(super) struct Polls {
 }
 
 impl Polls {
-    /// The processor accesses a register. Gives its address if a window ends in which hardly anything else
-    /// was accessed.
+    /// Counts an access. Returns its address if it ends a window in which hardly any other register was
+    /// accessed.
     pub(super) fn accessed(&mut self, address: u32) -> Option<u32> {
         self.accesses += 1;
         if address == self.candidate {

@@ -7,7 +7,7 @@ use crate::given::UartInput;
 const NO_TRANSMITTER: &str = "CR1.TE: it sends, and no pin is its transmitter: nothing leaves the part";
 
 impl Chip {
-    /// Takes bytes for the receivers of USARTs. A port that does not exist panics.
+    /// Takes bytes for the receivers of USARTs. Panics if a port does not exist.
     pub(super) fn feed(&mut self, inputs: &[UartInput]) {
         for input in inputs {
             let usart = USARTS.iter().position(|name| *name == input.port);
@@ -16,15 +16,15 @@ impl Chip {
         }
     }
 
-    /// The pin of these that a USART is connected to, as the pins are set.
+    /// The first of these pins that is set to its alternate function here.
     pub(super) fn connected(&self, pins: &[(PinIndex, u32)]) -> Option<PinIndex> {
         let is_set =
             |(pin, function): &&(PinIndex, u32)| self.units.gpio[pin.0].alternate(pin.1) == Some(*function);
         pins.iter().find(is_set).map(|(pin, _)| *pin)
     }
 
-    /// A frame has left a transmitter. Returns its data if it also left the part, by a pin. Wires carry it to
-    /// receivers.
+    /// Ends a transmitter's frame, and passes it over wires to receivers. Returns its data if it left the
+    /// part by a pin.
     pub(super) fn sent(&mut self, usart: usize, at: u64) -> Option<u16> {
         let frame = self.units.usart[usart].sent()?;
         let Some(pin) = self.connected(wiring::transmitters(usart)) else {

@@ -1,4 +1,4 @@
-//! Accesses to registers that change by time and events only, or by these accesses alone.
+//! Accesses to registers that change only by time, by events or by these accesses.
 
 use super::table::{PeripheralRow, TABLE, offset_in, row_at};
 use crate::peripherals::dma::Dma;
@@ -9,31 +9,31 @@ use crate::ramp::Ramp;
 pub struct SteadyRead {
     /// The value that is read.
     pub value: u32,
-    /// Time up to which another read gives the same, ns. Not later than this read if something has happened
-    /// before it.
+    /// Time up to which another read returns the same, ns. Not later than this read if an event came before
+    /// it.
     pub holds_until: u64,
-    /// How it counts, if it does, until something happens.
+    /// The ramp of a value that counts, up to the next event.
     pub ramp: Option<Ramp>,
 }
 
 /// A write that has no effect but on the registers of its peripheral.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SteadyWrite {
-    /// Time up to which every read gives the same, if nothing else is written, ns. Not later than this write
-    /// if something has happened before it.
+    /// Time up to which every read returns the same if nothing else is written, ns. Not later than this
+    /// write if an event came before it.
     pub holds_until: u64,
     /// When the next interrupt may come from now on, as
-    /// [`Machine::next_interrupt`](super::Machine::next_interrupt) has it.
+    /// [`Machine::next_interrupt`](super::Machine::next_interrupt) returns it.
     pub next_interrupt: Option<u64>,
 }
 
-/// Registers whose peripheral is kept.
+/// Number of registers whose peripheral is remembered.
 const PLACES: usize = 8;
 
 /// The time up to which nothing happens, and the peripherals of the registers that were read last.
 #[derive(Debug, Clone, Default)]
 pub(super) struct QuietTime {
-    /// When the next event comes. `None` if that has to be found out.
+    /// Time of the next event, `None` if it is not computed yet.
     pub(super) until: Option<u64>,
     /// BSRR of a port that [`Machine::only_moves_pins`](super::Machine::only_moves_pins) allows, and the
     /// levels of the port's outputs, which nothing has changed since.
@@ -45,7 +45,7 @@ pub(super) struct QuietTime {
 }
 
 impl QuietTime {
-    /// Something may have changed.
+    /// Forgets the time and the levels, as something may have changed.
     pub(super) fn end(&mut self) {
         (self.until, self.outputs) = (None, None);
     }

@@ -1,8 +1,8 @@
 //! Every register of the STM32F405 by name, as ST describes it.
 //!
-//! The table `registers.txt` is not hand-written. It comes from the crate `stm32f4` of the project stm32-rs,
-//! which publishes ST's description with corrections; `examples/registers.rs` makes it. The overlay takes
-//! names from it. `tests/all/registers.rs` holds the models against it.
+//! The table `registers.txt` is not hand-written. `examples/registers.rs` generates it from the crate
+//! `stm32f4` of the project stm32-rs, which publishes ST's description with corrections. The overlay takes
+//! names from it, and `tests/all/registers.rs` checks the models against it.
 
 use std::fmt;
 use std::ops::Range;
@@ -27,7 +27,7 @@ pub struct NamedRegister {
 }
 
 impl fmt::Display for NamedRegister {
-    /// As the reference manual has it: `TIM2_CR1`.
+    /// As in the reference manual: `TIM2_CR1`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}_{}", self.peripheral, self.name)
     }
@@ -35,7 +35,7 @@ impl fmt::Display for NamedRegister {
 
 const TABLE: &str = include_str!("registers.txt");
 
-/// A peripheral of [`TABLE`] has this many bytes of addresses at most (section 2.3, table 1).
+/// Most bytes of addresses of a peripheral of [`TABLE`] (section 2.3, table 1).
 const SLOT: u32 = 0x400;
 
 /// Regions that the table lacks: the factory's constants, the backup RAM, and units of the processor.

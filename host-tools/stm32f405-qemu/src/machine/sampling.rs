@@ -15,7 +15,7 @@ pub(super) struct Scans {
 }
 
 impl Chip {
-    /// The scans that make up most of what happens.
+    /// Returns the converter that samples and its timer, if the timer triggers nothing else.
     pub(super) fn scans(&self) -> Option<Scans> {
         let adc = self.sampler?;
         let tim = self.converter_trigger(adc)?;
@@ -75,7 +75,7 @@ impl Chip {
         }
     }
 
-    /// The code of a channel: of an input of the part's own, which only ADC1 has, or of a pin.
+    /// The code of a channel: of an internal input, which only ADC1 has, or of a pin.
     pub(super) fn code(&mut self, adc: usize, channel: u32, at: u64) -> u16 {
         /// At 25 °C, in mV: typical, DocID022152 table of the temperature sensor.
         const TEMPERATURE_MV: u32 = 760;
@@ -98,7 +98,7 @@ impl Chip {
         }
     }
 
-    /// The code of an input that an output drives: at the end of a wire, or of an output's own pin.
+    /// The code of an input that the DAC drives: over a wire, or at an output's own pin.
     fn by_output(&mut self, adc: usize, channel: u32, at: u64) -> Option<u16> {
         // The common case, once for every sample.
         if self.analog_wires.is_empty() && !self.units.dac.is_on() {
@@ -117,7 +117,7 @@ impl Chip {
         Some(code)
     }
 
-    /// If a scan has just started, the inputs carry what belongs to it.
+    /// Counts a scan that has just started, and moves the inputs to its time.
     pub(super) fn note_scan(&mut self, adc: usize, at: u64, external: bool) {
         if take(&mut self.units.adc.converters[adc].scan_started) {
             if external {

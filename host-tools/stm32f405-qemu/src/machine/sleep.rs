@@ -2,10 +2,10 @@
 //!
 //! # Design
 //!
-//! In both every oscillator stops but those of the watchdog and the RTC. The clock tree says so by
-//! frequencies of 0, so nothing else needs to know. STOP ends with an edge on an EXTI line whose interrupt or
-//! event is on: the processor goes on, on the internal oscillator. STANDBY ends with a reset: by the pin
-//! WKUP, the RTC or the watchdog. How long silicon takes to wake is left out.
+//! In both modes every oscillator stops except those of the watchdog and the RTC. The clock tree then has
+//! frequencies of 0, so nothing else needs to know. An edge on an EXTI line whose interrupt or event is on
+//! ends STOP: the processor goes on, on the internal oscillator. The pin WKUP, the RTC or the watchdog ends
+//! STANDBY by a reset. The time that silicon takes to wake is not modelled.
 
 use super::chip::{Chip, DeepSleep};
 use super::wiring::PinIndex;
@@ -15,8 +15,8 @@ use crate::peripherals::Peripheral;
 const WAKE_UP: PinIndex = (0, 0);
 
 impl Chip {
-    /// The processor sleeps, with SLEEPDEEP set. With an interrupt of EXTI pending the part goes on (section
-    /// 5.3.5).
+    /// Puts the part to sleep, as the processor sleeps with SLEEPDEEP set. A pending interrupt of EXTI keeps
+    /// it awake (section 5.3.5).
     pub(super) fn sleep(&mut self, now: u64) {
         if self.units.exti.pending() || self.deep_sleep.is_some() {
             return;
@@ -43,7 +43,7 @@ impl Chip {
         matches!(self.deep_sleep, Some(DeepSleep::Standby | DeepSleep::StandbyEnds))
     }
 
-    /// An edge came on a line of EXTI that is on.
+    /// Ends STOP, at an edge on an enabled line of EXTI.
     pub(super) fn wake_from_stop(&mut self, now: u64) {
         if self.deep_sleep != Some(DeepSleep::Stop) {
             return;
@@ -70,8 +70,7 @@ impl Chip {
         }
     }
 
-    /// A flag of the RTC is set: it may go through EXTI, and an interrupt that is on ends STANDBY (section
-    /// 5.3.6).
+    /// Sets a flag of the RTC, which may go through EXTI. An enabled interrupt ends STANDBY (section 5.3.6).
     pub(super) fn clock_flag(&mut self, now: u64) {
         let lines = |chip: &Self| [chip.units.rtc.alarm_line(), chip.units.rtc.wake_up_line()];
         let before = lines(self);

@@ -6,16 +6,16 @@ use super::wiring::{self, PinIndex};
 use crate::given::{AnalogInput, Run, Since};
 use crate::outcome::Sampling;
 
-/// Codes at the pins of channels 0 to 3. There is a new row every period, from the first externally triggered
-/// scan or from power-up on.
+/// Codes at the pins of channels 0 to 3. A new row begins every period, counted from the first externally
+/// triggered scan or from power-up.
 #[derive(Debug, Clone)]
 pub struct StimulusPlayer {
     rows: VecDeque<[u16; 4]>,
-    /// The number of the first of them. Those before it have passed.
+    /// Number of the first row in `rows`. Earlier rows have passed.
     passed: usize,
     period_ns: u64,
     since: Since,
-    /// The crystal's frequency, and what it should be. A period is one of the machine's own clock.
+    /// Actual and nominal frequency of the crystal, Hz. The actual one times the periods.
     hz: u64,
     nominal_hz: u64,
     sampling: Option<Sampling>,
@@ -27,8 +27,8 @@ pub struct StimulusPlayer {
 }
 
 impl StimulusPlayer {
-    /// The analog inputs of a run, timed by a crystal of `hse_hz`: a row lasts as long as a period of that
-    /// clock. An input at PA0 to PA3 takes the place of that pin's codes. Without rows, all codes are 0.
+    /// The analog inputs of a run, timed by a crystal of `hse_hz`: a row lasts one period by that clock. An
+    /// input at PA0 to PA3 takes the place of that pin's codes. Without rows, all codes are 0.
     pub(super) fn new(run: &Run, hse_hz: u32) -> Self {
         let by_pin = |input: &AnalogInput| (wiring::known_pin(&input.pin), input.clone());
         Self {
@@ -61,7 +61,7 @@ impl StimulusPlayer {
         self.row[adc] = row.copied().unwrap_or_default();
     }
 
-    /// The number of the row that stands `now`, counted over all that there ever were.
+    /// Number of the row that applies at `now`, counted from the first row of all.
     fn row_at(&self, began: u64, now: u64) -> usize {
         // Times are whole ns, so a scan may seem to come up to 1 ns before its row. A change of the clock may
         // move the end of a conversion under way into the past.
@@ -70,7 +70,7 @@ impl StimulusPlayer {
         usize::try_from(own_ns / u128::from(self.period_ns)).unwrap_or(usize::MAX)
     }
 
-    /// Rows that follow the last one. Rows that have passed are forgotten.
+    /// Appends rows, and forgets rows that have passed.
     pub fn append(&mut self, rows: impl IntoIterator<Item = [u16; 4]>, now: u64) {
         let was_empty = self.rows.is_empty() && self.passed == 0;
         self.rows.extend(rows);
@@ -78,7 +78,7 @@ impl StimulusPlayer {
             self.row = [self.rows.front().copied().unwrap_or_default(); 3];
         }
         if let Some(began) = self.began() {
-            // The last one stays.
+            // The last row stays.
             let old = self.row_at(began, now).saturating_sub(self.passed);
             let old = old.min(self.rows.len().saturating_sub(1));
             self.rows.drain(..old);

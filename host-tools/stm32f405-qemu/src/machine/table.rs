@@ -1,4 +1,4 @@
-//! The modelled peripherals: one row for each says what it is, where it lies and how it is connected.
+//! The modelled peripherals: a row for each, with its model, its addresses and its connections.
 //!
 //! # Design
 //!
@@ -7,8 +7,8 @@
 //! registers, resets, clocks, interrupts and notes. A new peripheral is a row here and a file that implements
 //! [`Peripheral`].
 //!
-//! A row names a place in [`Units`], the struct that holds the models. What connects one peripheral to
-//! another needs their own types, and finds them there by name.
+//! A row names a field of [`Units`], the struct that holds the models. Code that connects peripherals needs
+//! their own types, and accesses these fields by name.
 
 use std::ops::Range;
 use std::sync::LazyLock;
@@ -74,14 +74,14 @@ const ALWAYS: Gate = Gate {
     reset: 0,
 };
 
-/// A peripheral with a gate of its own: one bit of the same number in both registers.
+/// Gate of a peripheral that shares it with no other: the same bit in both registers.
 const fn gate(bus: Bus, bit: u32) -> Gate {
     let (enables, reset) = (1 << bit, 1 << bit);
     Gate { bus, enables, reset }
 }
 
-/// A converter: each has its clock, and all have one reset. The common registers answer with any of the
-/// clocks.
+/// Gate of a converter: each has its clock, and all share one reset. The common registers answer with any of
+/// the clocks.
 const fn converter(enables: u32) -> Gate {
     let (bus, reset) = (Apb2, 1 << 8);
     Gate { bus, enables, reset }
@@ -101,7 +101,7 @@ macro_rules! peripherals {
         pub(super) struct Units { $(pub(super) $field: $model,)+ }
 
         impl Units {
-            /// After power-up.
+            /// The models after power-up.
             pub(super) fn new($($argument: $given),*) -> Self {
                 Self { $($field: $new,)+ }
             }
@@ -248,7 +248,7 @@ fn row_among_all(address: u32) -> Option<usize> {
     TABLE.iter().position(|row| row.addresses.contains(&address))
 }
 
-/// A set of rows: those whose registers the firmware has written since power-up. No other has an interrupt.
+/// Rows whose registers the firmware has written since power-up. No other row has an interrupt.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct WrittenRows(u128);
 
@@ -292,7 +292,7 @@ mod tests {
         }
         assert!(row_at(0x4000_6400).is_none(), "CAN1");
     }
-    /// README names all that parts have and no row models.
+    /// README lists the peripherals of all parts that have no row.
     #[test]
     fn peripherals_without_a_model_are_listed() {
         let readme = include_str!("../../README.md");
@@ -313,7 +313,7 @@ mod tests {
         assert_eq!(listed, unmodelled);
     }
 
-    /// Rows against what ST's database has of clock gates and interrupts.
+    /// Compares the rows with the clock gates and interrupts in ST's database.
     #[test]
     fn gates_and_interrupts_are_those_of_st() {
         let mut held = Vec::new();

@@ -22,7 +22,7 @@ pub(super) fn serving(chip: &Chip, server: &Server) -> Option<DmaStream> {
     Some(DmaStream { dma, stream })
 }
 
-/// The machine's models at a time, and its outside.
+/// The machine's models, the time, and the board.
 pub(super) struct Context<'a, B> {
     chip: &'a mut Chip,
     now: u64,
@@ -50,7 +50,7 @@ enum Asker {
     Timer(usize, usize),
 }
 
-/// All of them, in the order in which they are served.
+/// All askers, in the order in which they are served.
 fn askers(with_timers: bool) -> impl Iterator<Item = Asker> {
     use Asker::{Converter, Dac, I2cReceiver, I2cTransmitter, Receiver, SpiReceiver, SpiTransmitter};
     use Asker::{Timer, Transmitter};
@@ -93,7 +93,7 @@ impl Asker {
         }
     }
 
-    /// The first byte of a transmitter moves on to the shift register at once, so two may be taken.
+    /// Two for a transmitter: its first byte moves on to the shift register at once.
     const fn most_at_once(self) -> u32 {
         let is_transmitter = matches!(
             self,
@@ -105,15 +105,15 @@ impl Asker {
 
 #[derive(Debug, Clone, Default)]
 pub(super) struct Transfers {
-    /// Bytes that the DMA wrote and that the board has not got yet. Neighbours are passed on in one piece.
+    /// Bytes that the DMA wrote, not yet passed to the board. Adjacent bytes are passed in one piece.
     written: Vec<u8>,
     written_at: u32,
     scans_at_last_block: u64,
 }
 
 impl Transfers {
-    /// Serves the request of a converter, if one stands. Returns `true` if nothing but memory has changed by
-    /// that. If not, the other requests are served too.
+    /// Serves a pending request of a converter. Returns `true` if this changed nothing but memory. Otherwise
+    /// the other requests are served too.
     pub(super) fn serve_converter(&mut self, adc: usize, at: &mut Context<'_, impl Exterior>) -> bool {
         if !at.chip.units.adc.converters[adc].request {
             return true;

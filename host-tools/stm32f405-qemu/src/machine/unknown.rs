@@ -6,7 +6,7 @@ use super::registers::name;
 use crate::chip::Chip;
 use crate::outcome::UnknownRegister;
 
-/// The accesses to each of them, by its address and by whether the clock of its peripheral was off.
+/// Accesses by address, and by whether the clock of the peripheral was off.
 #[derive(Debug, Clone, Default)]
 pub(super) struct UnknownRegisters(BTreeMap<(u32, bool), UnknownRegister>);
 
@@ -34,7 +34,7 @@ impl UnknownRegisters {
             })
     }
 
-    /// In the order of their addresses, by the names that they have on this part.
+    /// Lists the registers in order of address, by the names that they have on this part.
     pub(super) fn list(&self, part: Chip) -> Vec<UnknownRegister> {
         let named = |register: &UnknownRegister| UnknownRegister {
             name: name_on(part, register),
@@ -44,8 +44,8 @@ impl UnknownRegisters {
     }
 }
 
-/// The table of names is that of the STM32F405. Where it has none, or where this part has something else, the
-/// name is that of the part's peripheral.
+/// Name of a register on a part. The table of names is that of the STM32F405: where it has none, or where
+/// this part has something else, the name is made of the part's peripheral.
 fn name_on(part: Chip, register: &UnknownRegister) -> String {
     let UnknownRegister { name, address, .. } = register;
     match part.peripheral_at(*address) {

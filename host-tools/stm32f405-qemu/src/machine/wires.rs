@@ -42,12 +42,12 @@ pub(super) struct AnalogLoop {
     pub(super) output: usize,
     /// The input's pin at the other.
     pub(super) to: PinIndex,
-    /// The level at its capacitor, and when it was that, ns.
+    /// The level at its capacitor, and the time of that level, ns.
     behind: Option<(f64, u64)>,
 }
 
 impl AnalogLoop {
-    /// A wire that does not begin at an output of the DAC panics: the host checks it before.
+    /// Panics if a wire does not begin at an output of the DAC: the host checks it before.
     pub(super) fn new(wire: &AnalogWire) -> Self {
         let from = wiring::known_pin(&wire.from);
         let output = OUTPUTS.iter().position(|pin| *pin == from);
@@ -59,7 +59,7 @@ impl AnalogLoop {
         }
     }
 
-    /// The code at the input. `level` gives that of an output at a time; `None` if it is off.
+    /// The code at the input. `level` returns the level of an output at a time, `None` if the output is off.
     pub(super) fn code(&mut self, level: impl Fn(usize, u64) -> Option<u32>, at: u64) -> Option<u16> {
         let of_middle = |level: u32| f64::from(level) / 2048.0 - 1.0;
         let Some(own) = level(self.output, at.saturating_sub(self.wire.delay_ns)) else {
@@ -80,7 +80,7 @@ impl AnalogLoop {
         Some(code.round().clamp(0.0, 4095.0) as u16)
     }
 
-    /// The level behind the capacitor: by the implicit Euler method, which every computer does alike.
+    /// The level behind the capacitor, by the implicit Euler method, which is the same on every computer.
     fn behind(&mut self, level: f64, at: u64) -> f64 {
         let lag = self.wire.lag_ns as f64;
         let (before, since) = self.behind.unwrap_or((level, at));
@@ -95,8 +95,8 @@ impl AnalogLoop {
     }
 }
 
-/// A number of mean 0 and standard deviation 1 that depends on the time and the pin alone: the sum of twelve
-/// that are spread evenly.
+/// A number of mean 0 and standard deviation 1 that depends only on the time and the pin: the sum of twelve
+/// uniform numbers.
 fn scatter(at: u64, pin: u64) -> f64 {
     let part = |n: u64| {
         // The finaliser of SplitMix64 (Steele, Lea and Flood, 2014).
@@ -115,7 +115,7 @@ fn scatter(at: u64, pin: u64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Codes of an input whose wire begins at PA4 and is otherwise changed, at many times.
+    /// Codes at many times of an input that is wired to PA4, after a change to the wire.
     fn codes(levels: [Option<u32>; 2], change: impl FnOnce(&mut AnalogWire)) -> Vec<Option<u16>> {
         let mut wire = AnalogWire::new("PA4", "PA0");
         change(&mut wire);

@@ -1,8 +1,8 @@
 //! Wiring of the peripherals to each other and to the pins.
 //!
-//! Pins and DMA requests are read from `connections.txt`, which `tests/all/tables.rs` makes of ST's own
-//! database (by way of the crate `stm32-metapac`), and holds against it. Triggers are in no such database,
-//! and stand here.
+//! Pins and DMA requests are read from `connections.txt`. `tests/all/tables.rs` makes it from ST's own
+//! database (by way of the crate `stm32-metapac`) and checks it against that. Triggers are in no such
+//! database, and are listed here.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::LazyLock;
@@ -104,14 +104,14 @@ pub(super) struct TimerPin {
     pub(super) function: u32,
     /// 0 is the first.
     pub(super) channel: usize,
-    /// It is the complementary output (CHxN).
+    /// True for the complementary output (CHxN).
     pub(super) complementary: bool,
 }
 
 /// A DMA stream and channel that can serve a request.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Server {
-    /// The controller (DMA1 is 0). Every request goes to one of them.
+    /// The controller (DMA1 is 0). All streams of a request belong to it.
     pub(super) dma: usize,
     /// The streams, each with the channel that it has to listen to (tables 42, 43).
     pub(super) streams: Vec<(usize, u32)>,
@@ -129,7 +129,7 @@ pub(super) struct Servers {
     pub(super) dac: [Server; 2],
     pub(super) usart: [BusServers; 6],
     pub(super) i2c: [BusServers; 3],
-    /// Of each timer, by the number of the flag in SR: update, channels 1 to 4, none, trigger.
+    /// For each timer, by the number of the flag in SR: update, channels 1 to 4, none, trigger.
     pub(super) timers: [[Server; TIMER_REQUESTS.len()]; 14],
     pub(super) spi: [BusServers; 3],
 }
@@ -179,7 +179,7 @@ pub(super) static CONNECTIONS: LazyLock<Connections> = LazyLock::new(|| {
             found.serve(new.name, new.dma, (new.stream, new.channel));
         }
     }
-    // Several parts have most of them.
+    // Most of these functions exist on several parts.
     let mut taken = BTreeSet::new();
     for new in new_functions() {
         if let Some(pin) = pin(new.pin)
@@ -191,7 +191,7 @@ pub(super) static CONNECTIONS: LazyLock<Connections> = LazyLock::new(|| {
     found
 });
 
-/// The alternate functions that some part has and this one has not: a bit for each, by pin.
+/// The alternate functions that other parts have and this one lacks: a bit for each, by pin.
 pub(super) fn foreign_functions(part: Chip) -> impl Iterator<Item = (PinIndex, u16)> {
     let foreign = new_functions()
         .iter()
@@ -199,7 +199,7 @@ pub(super) fn foreign_functions(part: Chip) -> impl Iterator<Item = (PinIndex, u
     foreign.filter_map(|new| Some((pin(new.pin)?, 1 << new.function.parse::<u32>().ok()?)))
 }
 
-/// The places of requests that some part has and this one has not: controller, stream, and a bit for the
+/// The places of requests that other parts have and this one lacks: controller, stream, and a bit for the
 /// channel.
 pub(super) fn foreign_requests(part: Chip) -> impl Iterator<Item = (usize, usize, u8)> {
     let foreign = new_requests().iter().filter(move |new| !part.has_request(new));
@@ -306,7 +306,7 @@ pub(super) fn pin_name((port, number): PinIndex) -> String {
     format!("P{}{number}", char::from(b'A' + port as u8))
 }
 
-/// The pin of a name. One that does not exist panics: the host checks names before.
+/// The pin of a name. Panics if there is no such pin: the host checks names before.
 pub(super) fn known_pin(name: &str) -> PinIndex {
     pin(name).unwrap_or_else(|| panic!("there is no pin {name:?}"))
 }

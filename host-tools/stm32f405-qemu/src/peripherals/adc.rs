@@ -39,7 +39,7 @@ const TRIGGER_OUTPUTS: [u32; 3] = [0b0110, 0b1000, 0b1110];
 /// Sampling time in ADC clock cycles, by SMPx (section 13.13.5).
 const SAMPLING: [u32; 8] = [3, 15, 28, 56, 84, 112, 144, 480];
 
-/// Bits of registers that ask for what is not modelled.
+/// Register bits that request unmodelled features.
 const UNMODELLED: [(u32, u32, &str); 4] = [
     (0x04, 0x00c0_0040, "CR1: the analog watchdog is not modelled"),
     (0x04, 0x0800, "CR1.DISCEN: discontinuous mode is not modelled"),
@@ -74,17 +74,17 @@ pub(crate) struct Adc {
     scan: Option<ScanProgress>,
     /// True if SWSTART starts a scan while EXTEN selects a trigger.
     pub(crate) software_scan_under_trigger: bool,
-    /// The converter starts a scan without a trigger as soon as it waits for one.
+    /// True if a scan is to start without a trigger, as soon as the converter waits for one.
     extra: bool,
-    /// It misses the next trigger.
+    /// True if the converter misses the next trigger.
     pub(crate) misses: bool,
     /// A scan has started. Cleared once it is passed on.
     pub(crate) scan_started: bool,
     /// DR holds data that was not read yet.
     unread: bool,
-    /// A DMA request stands.
+    /// True while a DMA request is pending.
     pub(crate) request: bool,
-    /// The DMA has made its last transfer while DDS was clear: no more requests until DMA is set anew.
+    /// True after the DMA's last transfer while DDS was clear: no more requests until DMA is set again.
     requests_ended: bool,
     pub(crate) overruns: u64,
     /// Triggers that started nothing.
@@ -103,7 +103,7 @@ impl Adc {
         }
     }
 
-    /// External trigger of regular scans: CR2.EXTSEL (section 13.13.3). `None` if nothing does.
+    /// External trigger of regular scans: CR2.EXTSEL (section 13.13.3). `None` if no trigger starts them.
     pub(crate) fn external_trigger(&self) -> Option<u32> {
         let listens = self.cr2 & ADON != 0 && field(self.cr2, 28, 2) != 0;
         listens.then(|| field(self.cr2, 24, 4))
@@ -123,7 +123,7 @@ impl Adc {
         }
     }
 
-    /// Starts a scan without a trigger, now or as soon as the converter waits for one and has none under way.
+    /// Starts a scan without a trigger: now, or once the converter waits for one and no scan runs.
     pub(crate) fn start_extra(&mut self, now: u64) {
         self.extra = true;
         self.start_if_extra(now);
@@ -136,13 +136,13 @@ impl Adc {
         }
     }
 
-    /// An overrun under DMA: no conversion until OVR is cleared.
+    /// Returns `true` after an overrun under DMA: no conversion until OVR is cleared.
     pub(crate) fn blocked(&self) -> bool {
         self.sr & OVR != 0 && self.cr2 & DMA != 0
     }
 
     fn start(&mut self, now: u64) {
-        // DocID022152, ADC characteristics, from 2.4 V on. A crystal may be off by less than 1/1000.
+        // DocID022152, ADC characteristics, at 2.4 V and above. A crystal may be off by less than 1/1000.
         let fast = self.pclk2 / self.divider.max(1) > 36_036_000;
         self.notes.note_if(fast, "the converter's clock is above 36 MHz");
         self.sr |= STRT;
@@ -194,7 +194,7 @@ impl Adc {
     }
 
     /// When the `n`-th conversion from now (1 is the next) ends: maybe too early, never too late. `trigger`
-    /// gives the time of the `i`-th trigger from now (0 is the next).
+    /// returns the time of the `i`-th trigger from now (0 is the next).
     pub(crate) fn conversion(&self, n: u64, trigger: impl Fn(u64) -> Option<u64>) -> Option<u64> {
         debug_assert!(n > 0);
         let length = self.scan_length();
@@ -236,7 +236,7 @@ impl Adc {
             }
         } else {
             let code = u32::from(code) >> (12 - self.bits());
-            // Section 13.4: to the left is in a halfword, but for 6 bits in a byte.
+            // Section 13.4: left alignment is within a halfword, or within a byte for 6 bits.
             let width = if self.bits() == 6 { 8 } else { 16 };
             let (left, shift) = (self.cr2 & ALIGN != 0, width - self.bits());
             self.dr = if left { code << shift } else { code };

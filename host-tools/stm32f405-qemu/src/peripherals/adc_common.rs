@@ -4,7 +4,7 @@ use super::adc::Adc;
 use super::peripheral::{NoRegister, Notes, Peripheral};
 use super::register::{bit, field};
 
-/// Bits of registers that ask for what is not modelled.
+/// Register bits that request unmodelled features.
 const UNMODELLED: [(u32, u32, &str); 1] = [(0x04, 0x1f, "CCR.MULTI: dual and triple modes are not modelled")];
 
 #[derive(Debug, Clone)]
@@ -43,7 +43,7 @@ impl Adcs {
     }
 }
 
-/// The common registers. The converters' own are theirs.
+/// The common registers. Each converter models its own.
 impl Peripheral for Adcs {
     fn read(&mut self, offset: u32, _now: u64) -> Result<u32, NoRegister> {
         match offset {

@@ -13,7 +13,7 @@ pub(crate) const LSI_HZ: u32 = 32_000;
 /// Frequency of the crystal on the LSE pins (section 7.2.4), in Hz.
 pub(crate) const LSE_HZ: u32 = 32_768;
 
-/// Frequencies that the tree gives, in Hz (section 7.2, figure 21).
+/// Frequencies of the clock tree, in Hz (section 7.2, figure 21).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct ClockTree {
     pub(crate) sysclk: u32,
@@ -27,9 +27,9 @@ pub(crate) struct ClockTree {
     pub(crate) timers2: u32,
     /// RNG, USB and SDIO (PLLCFGR.PLLQ).
     pub(crate) pll48: u32,
-    /// RTCCLK: a frequency, and by what it is divided.
+    /// RTCCLK: a frequency, and its divider.
     pub(crate) rtc: (u32, u32),
-    /// The crystal for the RTC, and by what it is divided (CFGR.RTCPRE).
+    /// The crystal for the RTC, and its divider (CFGR.RTCPRE).
     pub(crate) crystal: (u32, u32),
 }
 

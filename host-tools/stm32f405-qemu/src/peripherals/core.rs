@@ -1,4 +1,4 @@
-//! Registers of the processor that QEMU has not, or not whole: SCR (ARMv7-M ARM, B3.2.7) and the debug
+//! Registers of the processor that QEMU lacks, or has only in part: SCR (ARMv7-M ARM, B3.2.7) and the debug
 //! registers (C1.6) as firmware sees them without a debugger.
 
 use super::peripheral::{NoRegister, Notes, Peripheral};
@@ -18,7 +18,7 @@ pub(crate) struct Scr {
 }
 
 impl Scr {
-    /// Returns `true` if a sleep is a deep one: STOP or STANDBY, as PWR says.
+    /// Returns `true` if a sleep is deep: STOP or STANDBY, as PWR selects.
     pub(crate) fn sleeps_deep(&self) -> bool {
         self.scr & SLEEPDEEP != 0
     }
@@ -78,7 +78,7 @@ impl Peripheral for Debug {
         Ok(())
     }
 
-    /// TRCENA stays over a reset of the processor.
+    /// TRCENA survives a reset of the processor.
     fn reset(&mut self, _now: u64) {
         self.demcr &= TRCENA;
     }

@@ -3,9 +3,9 @@
 //!
 //! # Design
 //!
-//! The data registers are views of one holding register for each channel. It goes on to the output at once,
-//! or with the trigger that TSEL selects. The model has no time of its own: the owner passes on triggers and
-//! serves requests. It tells the level at a pin, so that a wire can carry it to an input.
+//! The data registers are views of one holding register for each channel. Its code goes to the output at
+//! once, or at the trigger that TSEL selects. The model does nothing by itself: the owner passes on triggers
+//! and serves requests. The model returns the level at a pin, so that a wire can carry it to an input.
 //!
 //! Silicon takes one or three clocks of APB1 from a write or a trigger to the output (section 14.3.4), and
 //! the output 3 µs, 6 at most, to settle (DocID022152, DAC characteristics). Neither is modelled: an input
@@ -20,10 +20,10 @@ const BOFF: u32 = 1 << 1;
 const TEN: u32 = 1 << 2;
 const DMAEN: u32 = 1 << 12;
 const DMAUDRIE: u32 = 1 << 13;
-/// In SR, at the same place as the enable of its interrupt in CR.
+/// Bit of SR, at the position of its interrupt enable in CR.
 const DMAUDR: u32 = 1 << 13;
 
-/// Channel 2 has its bits of CR, SR and the dual registers so far above those of channel 1.
+/// Distance of channel 2's bits of CR, SR and the dual registers from those of channel 1.
 const SECOND: u32 = 16;
 pub(crate) const CHANNELS: usize = 2;
 
@@ -46,13 +46,13 @@ const UNSETTLED: &str =
 struct Channel {
     holding: u32,
     output: u32,
-    /// Its code before the last change, and the time of that change, ns.
+    /// The output before its last change, and the time of that change, ns.
     before: u32,
     changed_ns: u64,
     request: bool,
-    /// Until when the output settles after a trigger, ns.
+    /// Time at which the output has settled after a trigger, ns.
     settled_ns: u64,
-    /// Triggers since it was last enabled.
+    /// Triggers since the channel was last enabled.
     triggers: u64,
 }
 
@@ -61,7 +61,7 @@ pub(crate) struct Dac {
     cr: u32,
     sr: u32,
     channels: [Channel; CHANNELS],
-    /// Triggers that it misses, by their number since the channel was enabled: the first is 0.
+    /// Numbers of the triggers that are missed, counted from 0 since the channel was enabled.
     pub(crate) misses: Vec<u64>,
     pub(crate) notes: Notes,
 }
@@ -79,7 +79,7 @@ impl Dac {
         Some(field(control, 3, 3)).filter(|tsel| waits && *tsel < BY_LINE)
     }
 
-    /// The trigger of a channel comes from outside. It asks for DMA, if that is on (section 14.3.7).
+    /// Triggers a channel from outside. This requests DMA, if that is on (section 14.3.7).
     pub(crate) fn trigger(&mut self, channel: usize, now: u64) {
         let number = self.channels[channel].triggers;
         self.channels[channel].triggers += 1;
@@ -102,7 +102,7 @@ impl Dac {
         }
     }
 
-    /// The channel whose request stands.
+    /// Returns `true` if the DMA request of a channel is pending.
     pub(crate) fn request(&self, channel: usize) -> bool {
         self.channels[channel].request
     }
@@ -122,8 +122,8 @@ impl Dac {
         self.control(channel) & DMAUDRIE != 0 && self.requests_dma(channel) && !self.interrupt(0)
     }
 
-    /// The code at the output pin of a channel, in parts of the supply, at a time after its last change but
-    /// one. `None` while the channel is off and the pin is open.
+    /// The code at a channel's output pin, relative to the supply, at a time after the last change but one.
+    /// `None` while the channel is off and the pin is open.
     pub(crate) fn level(&self, channel: usize, supply_mv: u32, at: u64) -> Option<u32> {
         let control = self.control(channel);
         let end = (BUFFER_END_MV * 4095).div_ceil(supply_mv.max(1)).min(2047);
@@ -144,7 +144,7 @@ impl Dac {
         (0..CHANNELS).any(|channel| self.control(channel) & EN != 0)
     }
 
-    /// An input at the pin or the wire of a channel was converted.
+    /// Notes a conversion of an input at the pin or wire of a channel, if its output is not settled yet.
     pub(crate) fn converted(&mut self, channel: usize, now: u64) {
         let unsettled = now < self.channels[channel].settled_ns;
         self.notes.note_if(unsettled, UNSETTLED);
@@ -168,7 +168,7 @@ impl Dac {
         }
     }
 
-    /// Section 14.3.4: without a trigger, what is held goes on at once.
+    /// Section 14.3.4: without a trigger, the code goes to the output at once.
     fn hold(&mut self, channel: usize, code: u32, now: u64) {
         self.channels[channel].holding = code;
         if self.control(channel) & TEN == 0 {
@@ -257,7 +257,7 @@ impl Peripheral for Dac {
         let held = self.channels.map(|channel| channel.holding);
         Ok(match (offset, View::of(offset)) {
             (0x00, _) => self.cr,
-            // The bits are cleared as soon as they have worked.
+            // The bits are cleared as soon as they have taken effect.
             (0x04, _) => 0,
             (0x08..=0x10, Some(view)) => view.part(held[0]),
             (0x14..=0x1c, Some(view)) => view.part(held[1]),

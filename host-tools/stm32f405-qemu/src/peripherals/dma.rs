@@ -66,8 +66,8 @@ pub(crate) struct Beat {
 /// Part of a transfer that a beat completed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct BeatProgress {
-    /// A part of the buffer is done that the stream interrupts for: HTIF was set with HTIE, or TCIF with
-    /// TCIE.
+    /// True if the beat completed a part of the buffer that the stream interrupts for: HTIF was set with
+    /// HTIE, or TCIF with TCIE.
     pub(crate) block: bool,
     pub(crate) ended: bool,
 }
@@ -86,7 +86,7 @@ struct StreamRegisters {
     par: u32,
     memory: [u32; 2],
     fcr: u32,
-    /// The items of a whole pass: what NDTR was when the stream was enabled.
+    /// Items in a whole pass: NDTR when the stream was enabled.
     total: u32,
     flags: u32,
 }
@@ -96,7 +96,7 @@ pub(crate) struct Dma {
     /// DMA1 is 0.
     number: usize,
     streams: [StreamRegisters; STREAMS],
-    /// Of each stream the channels, a bit for each, whose request this part has not and another has.
+    /// For each stream, the channels whose request only other parts have, a bit for each.
     pub(crate) foreign: [u8; STREAMS],
     /// Streams that were just enabled, a bit for each. Cleared once they are noted.
     pub(crate) started: u32,
@@ -195,8 +195,7 @@ impl Dma {
         self.streams[stream].ndtr
     }
 
-    /// After how many more beats the stream's line will rise. `None` if its interrupts are off or the line is
-    /// up.
+    /// Number of beats until the stream's line rises. `None` if its interrupts are off or the line is up.
     pub(crate) fn beats_to_interrupt(&self, stream: usize) -> Option<u32> {
         let s = &self.streams[stream];
         if !s.running() || self.interrupt(stream) {
@@ -210,7 +209,7 @@ impl Dma {
         half.into_iter().chain(full).min()
     }
 
-    /// The controller after a write, unless that leaves a note.
+    /// Returns the controller after a write, `None` if the write would leave a note.
     pub(crate) fn written(&self, offset: u32, value: u32, now: u64) -> Option<Self> {
         let mut after = self.clone();
         after.write(offset, value, now).ok()?;

@@ -34,7 +34,7 @@ impl Dwt {
         }
     }
 
-    /// DEMCR.TRCENA lets the unit run, or not.
+    /// Lets the unit run or not, as DEMCR.TRCENA says.
     pub(crate) fn enable(&mut self, traces: bool, now: u64) {
         if self.traces != traces {
             self.settle(now);
@@ -65,7 +65,7 @@ impl Peripheral for Dwt {
 
     fn holds_until(&self, offset: u32, now: u64) -> Option<u64> {
         let runs = bit(self.ctrl, 0) && self.traces;
-        // Within a loop's turn it moves on.
+        // The counter moves on within a turn of a loop.
         Some(if offset == 0x04 && runs { now } else { u64::MAX })
     }
 

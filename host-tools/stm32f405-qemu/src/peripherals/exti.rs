@@ -23,7 +23,7 @@ pub(crate) struct Exti {
     ftsr: u32,
     swier: u32,
     pr: u32,
-    /// The inputs of the edge detectors. Not known while no edge is asked for.
+    /// The inputs of the edge detectors, `None` while no edge is watched.
     inputs: Option<u32>,
     /// An enabled edge has come. Cleared once it is passed on.
     pub(crate) edge_came: bool,

@@ -2,12 +2,12 @@
 //!
 //! # Design
 //!
-//! All sectors but 0 and 1 can be written ([`WRITABLE`]). In those two a program starts, and QEMU loads them
-//! anew at every reset. Writes there are refused as if these sectors were protected, and noted. The model
-//! holds the bytes of the others. The machine copies what changes to where the processor reads it.
+//! All sectors but 0 and 1 can be written ([`WRITABLE`]). Those two hold the start of a program, and QEMU
+//! reloads them at every reset. Writes there are refused as if these sectors were protected, and noted. The
+//! model holds the bytes of the others. The machine copies changes to where the processor reads them.
 //!
-//! In a part with two banks the processor goes on while one of them is written, as its code is taken to lie
-//! in the first, and operations there are taken to be in the second.
+//! In a part with two banks, the code is taken to be in the first. The processor goes on while the second is
+//! written.
 //!
 //! An operation takes the data sheet's typical time and does its work at the end of it. A power cut or a
 //! reset before that leaves it half done. The share of bits that have changed is then the share of time that
@@ -47,10 +47,10 @@ const OPTLOCK: u32 = 1;
 const KEYS: [u32; 2] = [0x4567_0123, 0xcdef_89ab];
 const OPTION_KEYS: [u32; 2] = [0x0819_2a3b, 0x4c5d_6e7f];
 
-/// Typical times of DocID022152, flash memory programming. A word takes as long by each parallelism.
+/// Typical times of DocID022152, flash memory programming. A word takes the same time at each parallelism.
 const PROGRAM_NS: u64 = 16_000;
-/// For sectors of 16, 64 and 128 KiB, erased by 8, 16, 32 and 64 bits. No time is given for 64 bits; that
-/// for 32 stands in.
+/// For sectors of 16, 64 and 128 KiB, erased by 8, 16, 32 and 64 bits. No time is given for 64 bits: that
+/// for 32 bits is used.
 const ERASE_NS: [[u64; 4]; 3] = [
     [400_000_000, 300_000_000, 250_000_000, 250_000_000],
     [1_200_000_000, 700_000_000, 550_000_000, 550_000_000],
@@ -80,7 +80,7 @@ struct PendingOperation {
 pub(crate) enum FlashEvent {
     /// The operation ends: see [`FlashController::finish`].
     Finished,
-    /// The power goes in the middle of it.
+    /// The power goes in the middle of the operation.
     PowerGone,
 }
 
@@ -92,15 +92,15 @@ pub(crate) struct FlashController {
     sr: u32,
     optcr: u32,
     first_key_seen: bool,
-    /// A wrong key locks CR until the next reset (section 3.6.1).
+    /// True after a wrong key, which locks CR until the next reset (section 3.6.1).
     shut: bool,
     first_option_key_seen: bool,
-    /// The bytes from [`WRITABLE`]'s start on.
+    /// Contents of flash from the start of [`WRITABLE`].
     pub(crate) contents: Vec<u8>,
     /// Where the part's flash ends.
     end: u32,
     running: Option<PendingOperation>,
-    /// Power cuts: the operations that still begin before, and how much of theirs is over, %.
+    /// Power cuts: the number of operations that begin before, and the share of the cut one that is over, %.
     cuts: Vec<(u32, u8)>,
     /// Operations that have begun.
     pub(crate) operations: Vec<FlashOperation>,
@@ -119,8 +119,8 @@ impl FlashController {
         }
     }
 
-    /// Cuts the power in a later operation: `after` others begin before it, counted from now on. `percent` of
-    /// it is over when the power goes, 0 to 100.
+    /// Cuts the power in a later operation: `after` others, counted from now, begin before it. When the
+    /// power goes, `percent` (0 to 100) of it is over.
     pub(crate) fn cut_power_in(&mut self, after: u32, percent: u8) {
         self.cuts.push((after, percent));
     }
@@ -130,7 +130,7 @@ impl FlashController {
         self.running.is_some()
     }
 
-    /// The part's flash ends there.
+    /// Sets the end of the part's flash.
     pub(crate) fn set_end(&mut self, end: u32) {
         self.end = end;
         let space = end.max(WRITABLE.end) - WRITABLE.start;
@@ -141,7 +141,7 @@ impl FlashController {
         self.end > WRITABLE.end
     }
 
-    /// Returns `true` if the bank that is being written is the one in which the code lies.
+    /// Returns `true` if the bank that holds the code is being written.
     pub(crate) fn stalls(&self) -> bool {
         let running = self.running.as_ref();
         running.is_some_and(|running| running.operation.address < WRITABLE.end)
@@ -155,7 +155,7 @@ impl FlashController {
         Some(cut.unwrap_or(finished))
     }
 
-    /// The operation under way ends. Returns the addresses in [`WRITABLE`] that it has written.
+    /// Ends the operation under way. Returns the addresses in [`WRITABLE`] that it has written.
     pub(crate) fn finish(&mut self) -> Range<u32> {
         let Some(running) = self.running.take() else {
             return WRITABLE.start..WRITABLE.start;
@@ -269,15 +269,15 @@ impl FlashController {
         self.cr &= !STRT;
     }
 
-    /// With too few wait states for the processor's clock, silicon reads wrong words. Table 10 (for 2.7 V to
-    /// 3.6 V) asks for one more for every 30 MHz. Without prefetch and caches it waits at every turn: that is
-    /// noted only if it stays so, as firmware may well turn them on after it has written flash.
+    /// Notes too few wait states, with which silicon reads wrong words. Table 10 (for 2.7 V to 3.6 V)
+    /// requires one more for every 30 MHz. Without prefetch and caches silicon waits more often. This is
+    /// noted only if it stays so, as firmware may turn them on after it has written flash.
     fn check_latency(&mut self) {
         let needed = self.hclk.saturating_sub(1) / 30_000_000;
         let too_few = self.acr & 7 < needed;
         self.notes
             .note_if(too_few, "ACR.LATENCY is below table 10 for this HCLK");
-        // Section 3.5: from here on there are wait states, and these three hide most of them.
+        // Section 3.5: above 30 MHz there are wait states, and these three hide most of them.
         for (n, name) in [(8, "PRFTEN"), (9, "ICEN"), (10, "DCEN")] {
             self.notes.keep_while(
                 needed > 0 && !bit(self.acr, n),

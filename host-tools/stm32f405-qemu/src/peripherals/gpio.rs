@@ -42,7 +42,7 @@ pub(crate) struct Gpio {
     wired: [Option<bool>; 16],
     /// Levels from outputs at the other ends of wires. `None` where there is no wire, or nothing drives it.
     by_wire: [Option<bool>; 16],
-    /// Levels that the timers behind the pins' alternate functions give. `None` where none does.
+    /// Levels of the timers behind the pins' alternate functions. `None` where there is none.
     by_timer: [Option<bool>; 16],
     /// Alternate functions that pins have on other parts only, a bit for each.
     pub(crate) foreign: [u16; 16],
@@ -75,8 +75,8 @@ impl Gpio {
         self.wired[pin] = Some(level);
     }
 
-    /// The level that an output at the other end of a wire puts on a pin. `None` if nothing drives the wire.
-    /// Returns the pin's new level if that changed.
+    /// Sets the level that an output at the other end of a wire puts on a pin, `None` if nothing drives the
+    /// wire. Returns the pin's new level if it has changed.
     pub(crate) fn drive_by_wire(&mut self, pin: usize, level: Option<bool>) -> Option<bool> {
         let before = self.level_at(pin);
         self.by_wire[pin] = level;
@@ -114,14 +114,14 @@ impl Gpio {
         (field(self.moder, 2 * pin as u32, 2) == 0b10 && is_own).then_some(function)
     }
 
-    /// The levels of the port as IDR has them.
+    /// The levels of the port, as IDR shows them.
     pub(crate) fn input(&self) -> u32 {
         (0..16).fold(0, |levels, pin| {
             let n = pin as usize;
             let wired = self.by_wire[n].or(self.wired[n]).is_some();
             let level = match field(self.moder, 2 * pin, 2) {
-                // An open drain that is let go is moved from outside; where nothing is, it reads its
-                // register.
+                // A released open drain has the level from outside. Where nothing is wired, it reads its
+                // output register.
                 0b01 if wired => self.driven(n).unwrap_or_else(|| self.level_at(n)),
                 0b01 => bit(self.odr, pin),
                 0b10 => self.driven(n).unwrap_or_else(|| self.level_at(n)),

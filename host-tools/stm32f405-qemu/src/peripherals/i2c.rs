@@ -31,13 +31,13 @@ const BTF: u32 = 1 << 2;
 const RXNE: u32 = 1 << 6;
 const TXE: u32 = 1 << 7;
 const AF: u32 = 1 << 10;
-/// Flags of errors: a 0 clears.
+/// Error flags, cleared by a 0.
 const ERRORS: u32 = 0xdf00;
 
 /// A byte and its acknowledge bit.
 const BYTE: u64 = 9;
 
-/// Bits of registers that ask for what is not modelled.
+/// Register bits that request unmodelled features.
 const UNMODELLED: [(u32, u32, &str); 2] = [
     (0x00, 0x303a, "CR1: SMBus and checksums are not modelled"),
     (0x08, 0x3ff, "OAR1: slave mode is not modelled"),
@@ -101,18 +101,18 @@ pub(crate) struct I2c {
     phase: Phase,
     master: bool,
     transmits: bool,
-    /// The data register: of the receiver, and of the transmitter if it is full.
+    /// The data registers of the receiver and, if it is full, of the transmitter.
     received: u8,
     waiting: Option<u8>,
     /// A byte that was received while the data register was full.
     shifted: Option<u8>,
-    /// ADDR stood when SR1 was read: a read of SR2 then clears it.
+    /// ADDR was set when SR1 was read: a read of SR2 then clears it.
     armed: bool,
-    /// ACK as it was when the byte before ended: with POS it goes for the next.
+    /// ACK at the end of the byte before: with POS it applies to the next.
     acknowledges_next: bool,
     /// The device was told that no more bytes are wanted, or has refused one.
     over: bool,
-    /// The DMA takes one more byte: it is not acknowledged (CR2.LAST).
+    /// True if the DMA takes one more byte, which is not acknowledged (CR2.LAST).
     last: bool,
     pclk: u32,
     pub(crate) notes: Notes,
@@ -127,7 +127,7 @@ impl I2c {
         }
     }
 
-    /// Time of so many bits (section 27.6.8), ns.
+    /// Time of a number of bits (section 27.6.8), ns.
     fn bits(&self, bits: u64) -> u64 {
         let ccr = u64::from(field(self.ccr, 0, 12)).max(1);
         let clocks = match self.ccr >> 14 & 3 {
@@ -181,7 +181,7 @@ impl I2c {
         })
     }
 
-    /// A device has acknowledged the address, or none has.
+    /// Takes the answer to an address: a device has acknowledged it, or none has.
     pub(crate) fn addressed(&mut self, acknowledged: bool, at: u64) {
         if let Phase::Addressing { byte, .. } = self.phase {
             self.transmits = byte & 1 == 0;
@@ -196,7 +196,7 @@ impl I2c {
         }
     }
 
-    /// The device has acknowledged the byte, or not.
+    /// Takes the device's answer to a byte.
     pub(crate) fn sent(&mut self, acknowledged: bool, at: u64) {
         self.over = !acknowledged;
         if !acknowledged {
@@ -356,7 +356,7 @@ impl I2c {
         self.cr2 & DMAEN != 0 && self.sr1 & RXNE != 0
     }
 
-    /// The DMA has fetched a byte, and takes so many more.
+    /// Notes that the DMA has fetched a byte and takes `left` more.
     pub(crate) fn fetched(&mut self, left: u32) {
         self.last |= self.cr2 & LAST != 0 && left == 1;
     }
@@ -464,7 +464,7 @@ mod tests {
         (at, i2c.step(at).expect("it ends"))
     }
 
-    /// Addresses a device and clears ADDR. Gives the time.
+    /// Addresses a device and clears ADDR. Returns the time.
     fn address(i2c: &mut I2c, byte: u32) -> u64 {
         let (at, _) = step(i2c);
         assert_eq!(i2c.get(SR1, at), SB);

@@ -17,14 +17,14 @@ pub(crate) trait Peripheral {
     /// The model has no such register.
     fn read(&mut self, offset: u32, now: u64) -> Result<u32, NoRegister>;
 
-    /// Time up to which a read gives the same as one now, if nothing happens to the peripheral. This time may
-    /// be too early, but never too late. `None` if a read has an effect beyond its value, as taking a byte
-    /// has, or if this is not known.
+    /// Time up to which a read returns the same as one now, if nothing happens to the peripheral. This time
+    /// may be too early, but never too late. `None` if a read has an effect beyond its value, such as taking
+    /// a byte, or if the time is not known.
     fn holds_until(&self, _offset: u32, _now: u64) -> Option<u64> {
         None
     }
 
-    /// How a register counts, if it does and nothing happens to the peripheral.
+    /// The ramp of a register that counts, if nothing happens to the peripheral.
     fn ramp(&self, _offset: u32, _now: u64) -> Option<Ramp> {
         None
     }
@@ -41,13 +41,13 @@ pub(crate) trait Peripheral {
 
     fn set_clocks(&mut self, _clocks: &ClockTree, _now: u64) {}
 
-    /// The level of an interrupt line. `output` is the number of the line within this peripheral, from 0 on.
+    /// The level of an interrupt line. `output` is the number of the line within this peripheral, from 0.
     fn interrupt(&self, _output: usize) -> bool {
         false
     }
 
     /// When a line will rise, or the machine will be reset, if no register is accessed. This time may be too
-    /// early, but never too late. What other peripherals do is left out.
+    /// early, but never too late. Effects of other peripherals are left out.
     fn next_interrupt(&self) -> Option<u64> {
         None
     }
@@ -73,7 +73,7 @@ impl Notes {
         }
     }
 
-    /// Keeps a note for as long as it holds.
+    /// Keeps a note while `holds` is true.
     pub(crate) fn keep_while(&mut self, holds: bool, what: String) {
         if holds {
             self.note(what);
@@ -89,7 +89,7 @@ impl Notes {
         }
     }
 
-    /// In alphabetical order.
+    /// The notes in alphabetical order.
     pub(crate) fn iter(&self) -> impl Iterator<Item = &str> {
         self.0.iter().map(AsRef::as_ref)
     }

@@ -58,18 +58,18 @@ impl Pwr {
         }
     }
 
-    /// The supply has this voltage from now on, in mV.
+    /// Sets the voltage of the supply, mV.
     pub(crate) fn set_supply(&mut self, millivolts: u32) {
         self.supply_mv = millivolts;
         self.compare();
     }
 
-    /// A deep sleep is STANDBY, not STOP.
+    /// Returns `true` if a deep sleep is STANDBY, not STOP.
     pub(crate) fn chooses_standby(&self) -> bool {
         self.cr & PDDS != 0
     }
 
-    /// A rising edge on WKUP (PA0) ends STANDBY.
+    /// Returns `true` if a rising edge on WKUP (PA0) ends STANDBY.
     pub(crate) fn wakes_by_pin(&self) -> bool {
         self.csr & EWUP != 0
     }
@@ -91,7 +91,7 @@ impl Pwr {
         self.below = self.cr & PVDE != 0 && self.supply_mv < threshold;
     }
 
-    /// The backup domain may be written (CR.DBP).
+    /// Returns `true` if the backup domain may be written (CR.DBP).
     pub(crate) fn backup_domain_open(&self) -> bool {
         self.cr & DBP != 0
     }
@@ -133,7 +133,7 @@ impl Peripheral for Pwr {
         Ok(())
     }
 
-    /// The supply stays, and the flags that say why the part was woken.
+    /// Keeps the supply, and the flags that say why the part was woken.
     fn reset(&mut self, _now: u64) {
         let old = std::mem::replace(self, Self::new());
         (self.supply_mv, self.flags) = (old.supply_mv, old.flags);

@@ -24,8 +24,8 @@ const RESET_FLAGS: u32 = 0xfe00_0000;
 /// Brown-out, pin and power-on reset: the flags after power-up.
 const POWER_ON_FLAGS: u32 = 0x0e00_0000;
 
-/// A crystal may be off by less than 1/1000. Limits apply to what it should be, so they are wider by that
-/// much.
+/// A crystal may be off by less than 1/1000. Limits apply to its nominal frequency, so they are wider by
+/// that much.
 const TOLERANCE: u32 = 1000;
 
 const HSION: u32 = 1 << 0;
@@ -33,7 +33,7 @@ const HSEON: u32 = 1 << 16;
 const CSSON: u32 = 1 << 19;
 const PLLON: u32 = 1 << 24;
 const PLLI2SON: u32 = 1 << 26;
-/// Each ready flag of CR stands one bit above its enable.
+/// Each ready flag of CR is one bit above its enable.
 const ON_BITS: u32 = HSION | HSEON | PLLON | PLLI2SON;
 
 /// Writable bits of CR, PLLCFGR, CFGR (without SWS), SSCGR and PLLI2SCFGR (sections 7.3.1 to 7.3.3, 7.3.22,
@@ -84,7 +84,7 @@ pub(crate) enum Bus {
 pub(crate) struct Rcc {
     hse_hz: u32,
     pub(crate) limits: ClockLimits,
-    /// Bits of DCKCFGR and DCKCFGR2 that the part has, and what was written there. But for TIMPRE they choose
+    /// Bits of DCKCFGR and DCKCFGR2 that the part has, and what was written there. All but TIMPRE choose
     /// clocks of peripherals without a model.
     pub(crate) selectable: [u32; 2],
     selections: [u32; 2],
@@ -101,7 +101,7 @@ pub(crate) struct Rcc {
     sscgr: u32,
     plli2scfgr: u32,
     cir: u32,
-    /// The crystal does not swing.
+    /// True while the crystal has stopped.
     crystal_stopped: bool,
     /// The crystal was started since power-up.
     pub(crate) crystal_started: bool,
@@ -137,7 +137,7 @@ impl Rcc {
         match cause {
             // The backup domain is reset too: VBAT is taken to come from the same supply.
             ResetCause::PowerCut => (self.bdcr, self.csr) = (0, POWER_ON_FLAGS),
-            // PWR's flags say it.
+            // The flags of PWR report this cause.
             ResetCause::Standby => {}
             ResetCause::Software => self.csr |= SFTRSTF | PINRSTF,
             ResetCause::WindowWatchdog => self.csr |= WWDGRSTF | PINRSTF,
@@ -145,7 +145,7 @@ impl Rcc {
         }
     }
 
-    /// The crystal stops, or can start again.
+    /// Stops the crystal, or lets it start again.
     pub(crate) fn set_crystal(&mut self, works: bool) {
         let ready = self.ready();
         self.crystal_stopped = !works;
@@ -184,7 +184,7 @@ impl Rcc {
         if fed { on } else { on & !(PLLON | PLLI2SON) }
     }
 
-    /// Sets the flags of what runs now and did not before, if their interrupts are on (section 7.3.4).
+    /// Sets the flags of clocks that have just started, if their interrupts are on (section 7.3.4).
     fn flag_ready(&mut self, before: u32) {
         let started = self.ready() & !before;
         self.crystal_started |= started & HSEON != 0;
@@ -238,8 +238,7 @@ impl Rcc {
         if runs { (self.hse_hz, divider) } else { (0, 0) }
     }
 
-    /// RTCCLK (sections 7.2.8, 7.3.20): its frequency, and by what it is divided. LSE and LSI run in deep
-    /// sleep too.
+    /// RTCCLK (sections 7.2.8, 7.3.20): its frequency, and its divider. LSE and LSI run in deep sleep too.
     fn rtc_clock(&self) -> (u32, u32) {
         let source = match field(self.bdcr, 8, 2) {
             0b01 if self.bdcr & 1 != 0 => (LSE_HZ, 1),

@@ -114,7 +114,7 @@ impl Peripheral for Rng {
         Ok(())
     }
 
-    /// The words go on where they were.
+    /// The sequence of words continues.
     fn reset(&mut self, _now: u64) {
         let old = std::mem::take(self);
         (self.state, self.notes) = (old.state, old.notes);

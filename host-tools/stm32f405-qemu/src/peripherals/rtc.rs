@@ -3,11 +3,11 @@
 //! # Design
 //!
 //! The calendar is a function of time, as a timer's counter is: a moment, and the edges of the RTC's clock
-//! since then. It lives in the backup domain: it goes on in STOP, in STANDBY and over resets, and ends with a
-//! power cut or BDCR.BDRST. It is loaded when initialisation mode ends; silicon takes four clocks more.
+//! since then. It is in the backup domain: it goes on in STOP, in STANDBY and across resets, and a power cut
+//! or BDCR.BDRST ends it. It is loaded when initialisation mode ends; silicon takes four clocks more.
 //!
-//! The flags that firmware waits for (INITF, RSF, WUTWF, ALRAWF, ALRBWF) come two clocks of the RTC after
-//! what they answer, so firmware that does not wait writes in vain here too. Time stamps, tamper detection,
+//! The flags that firmware waits for (INITF, RSF, WUTWF, ALRAWF, ALRBWF) are set two clocks of the RTC after
+//! their cause, so writes of firmware that does not wait are lost here too. Time stamps, tamper detection,
 //! the reference clock, calibration, shifts and the output are left out and noted.
 
 mod calendar;
@@ -42,7 +42,7 @@ const FLAGS: u32 = 0x3f00;
 const KEYS: [u32; 2] = [0xca, 0x53];
 const HOUR: u64 = 3600;
 
-/// Bits of registers that ask for what is not modelled.
+/// Register bits that request unmodelled features.
 const UNMODELLED: [(u32, u32, &str); 5] = [
     (
         0x08,
@@ -78,15 +78,15 @@ pub(crate) struct Rtc {
     wutr: u32,
     alarms: [u32; 2],
     alarm_fractions: [u32; 2],
-    /// When each of these may be written: the alarms, and the wake-up timer.
+    /// Times from which the two alarms and the wake-up timer may be written, ns.
     writable_at: [u64; 3],
     synchronised_at: u64,
-    /// The next flags: of the alarms, and of the wake-up timer.
+    /// Times of the next flags of the two alarms and the wake-up timer, ns.
     next: [Option<u64>; 3],
     /// When the wake-up timer was started, and how often it has set its flag since.
     wakes_since: u64,
     wakes: u64,
-    /// TR and DR that wait for a read, after SSR or TR was read.
+    /// TR and DR as a read of SSR or TR has latched them.
     shadow: Option<(u32, u32)>,
     /// Keys that were written to WPR.
     keys: usize,
@@ -151,7 +151,7 @@ impl Rtc {
         }
     }
 
-    /// The calendar stands still in initialisation mode.
+    /// Returns `true` if the calendar is stopped, in initialisation mode.
     fn stands(&self) -> bool {
         self.init_at.is_some()
     }
@@ -171,13 +171,13 @@ impl Rtc {
         self.reading(now).moment.registers(self.twelve_hours())
     }
 
-    /// The origin moves to `now`.
+    /// Moves the origin to `now`.
     fn go_on(&mut self, now: u64) {
         let Reading { moment, ticks } = self.reading(now);
         (self.moment, self.sub_second, self.since_ns) = (moment, ticks, now);
     }
 
-    /// The time of the tick that is so many seconds and ticks after the beginning of the current second.
+    /// The time of a tick, given in seconds and ticks from the beginning of the current second.
     fn time_of(&self, now: u64, seconds: u64, ticks: u64) -> u64 {
         let passed = self.sub_second + self.ticks(now);
         let second = passed / self.synchronous() + seconds;
@@ -214,7 +214,7 @@ impl Rtc {
         Some(self.time_of(now, seconds, first))
     }
 
-    /// When the wake-up timer, whose flag has just been set or which starts, sets it next (section 26.3.5).
+    /// Time of the wake-up timer's next flag, if it starts now or has just set its flag (section 26.3.5).
     fn next_wake_up(&self, now: u64) -> Option<u64> {
         if self.cr & WUTE == 0 || self.clock.0 == 0 {
             return None;
@@ -267,7 +267,7 @@ impl Rtc {
         self.isr & WUTF != 0 && self.cr & WUTIE != 0
     }
 
-    /// The backup domain is reset. Levels from other peripherals stay.
+    /// Resets the backup domain. Levels from other peripherals stay.
     pub(crate) fn reset_backup_domain(&mut self, now: u64) {
         let old = std::mem::replace(self, Self::new());
         (self.clock, self.notes) = (old.clock, old.notes);
@@ -313,7 +313,7 @@ impl Rtc {
         self.look_ahead(now);
     }
 
-    /// The calendar begins with what was written to TR and DR.
+    /// Starts the calendar at what was written to TR and DR.
     fn load(&mut self, now: u64) {
         let (tr, dr) = self.written;
         self.sub_second = 0;
@@ -329,7 +329,7 @@ impl Rtc {
 
     fn write_cr(&mut self, value: u32, now: u64) {
         let (before, kept) = (self.cr, value & CR_BITS & !(ADD1H | SUB1H));
-        // FMT is for initialisation mode.
+        // FMT can be changed in initialisation mode only.
         let of_fmt = if self.initialises(now) { kept } else { before };
         self.cr = kept & !FMT | of_fmt & FMT;
         for (n, on) in [ALRAE, ALRAE << 1, WUTE].into_iter().enumerate() {
@@ -382,8 +382,8 @@ impl Rtc {
         Ok(())
     }
 
-    /// Reads TR, DR or SSR through the shadow registers (section 26.3.6): a read of SSR or TR holds what
-    /// stands above it until DR is read.
+    /// Reads TR, DR or SSR through the shadow registers (section 26.3.6): a read of SSR or TR freezes the
+    /// registers above it until DR is read.
     fn read_calendar(&mut self, offset: u32, now: u64) -> u32 {
         let counted = self.synchronous() - 1 - self.reading(now).ticks;
         let (tr, dr) = if self.cr & BYPSHAD == 0 {

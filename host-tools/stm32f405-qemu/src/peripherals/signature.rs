@@ -6,8 +6,8 @@ use super::peripheral::{NoRegister, Notes, Peripheral};
 /// VREFIN_CAL: the code of the internal reference voltage (1.21 V) at a supply of 3.3 V (DocID022152,
 /// internal reference voltage calibration values).
 pub(crate) const REFERENCE_CODE: u32 = 1502;
-/// TS_CAL1 and TS_CAL2: the codes of the temperature sensor at 30 and 110 °C, there too. By its typical
-/// values: 0.76 V at 25 °C, and 2.5 mV/°C.
+/// TS_CAL1 and TS_CAL2: the codes of the temperature sensor at 30 and 110 °C, from its typical values in the
+/// same data sheet: 0.76 V at 25 °C, and 2.5 mV/°C.
 const TEMPERATURE_CODES: [u32; 2] = [959, 1207];
 
 #[derive(Debug, Clone, Default)]

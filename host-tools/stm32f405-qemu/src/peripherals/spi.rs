@@ -3,9 +3,9 @@
 //! # Design
 //!
 //! The transmitter is a shift register with the time at which its frame ends, and one data register before
-//! it. A frame goes both ways at once, and is exchanged as a whole when it ends: [`Spi::shifted`] gives what
-//! has left, and [`Spi::took`] takes what has come. Slave mode, checksums, TI frames and I2S are left out and
-//! noted.
+//! it. A frame goes both ways at once, and is exchanged as a whole when it ends: [`Spi::shifted`] returns
+//! what was sent, and [`Spi::took`] takes what was received. Slave mode, checksums, TI frames and I2S are
+//! left out and noted.
 
 use super::clock::{self, Apb, ClockTree};
 use super::peripheral::{NoRegister, Notes, Peripheral};
@@ -35,7 +35,7 @@ const MODF: u32 = 1 << 5;
 const OVR: u32 = 1 << 6;
 const BSY: u32 = 1 << 7;
 
-/// Bits of registers that ask for what is not modelled.
+/// Register bits that request unmodelled features.
 const UNMODELLED: [(u32, u32, &str); 3] = [
     (0x00, 0x3000, "CR1: checksums are not modelled"),
     (0x04, 0x10, "CR2.FRF: TI frames are not modelled"),
@@ -66,7 +66,7 @@ pub(crate) struct Spi {
     shifting: Option<Shifting>,
     crc_polynomial: u32,
     i2s: [u32; 2],
-    /// OVR stood when DR was read: a read of SR then clears it.
+    /// OVR was set when DR was read: a read of SR then clears it.
     armed: bool,
     pub(crate) notes: Notes,
 }
@@ -102,7 +102,7 @@ impl Spi {
         self.cr1 & (SPE | MSTR) == SPE | MSTR
     }
 
-    /// The clock runs without data to send (section 28.3.5).
+    /// Returns `true` if the clock runs without data to send (section 28.3.5).
     fn only_receives(&self) -> bool {
         match self.cr1 & BIDIMODE {
             0 => self.cr1 & RXONLY != 0,
@@ -110,7 +110,7 @@ impl Spi {
         }
     }
 
-    /// One line, to the device: nothing is received.
+    /// Returns `true` for one line, to the device: nothing is received.
     fn only_sends(&self) -> bool {
         self.cr1 & (BIDIMODE | BIDIOE) == BIDIMODE | BIDIOE
     }
@@ -155,7 +155,7 @@ impl Spi {
         self.shifting.take()
     }
 
-    /// These bits came at the same time.
+    /// Takes the bits that came during the frame.
     pub(crate) fn took(&mut self, word: u16, now: u64) {
         if !self.only_sends() {
             if self.sr & RXNE != 0 {
@@ -290,7 +290,7 @@ mod tests {
         spi
     }
 
-    /// Ends a frame with these bits from the other side. Gives its time and what it sent.
+    /// Ends a frame with these bits from the other side. Returns its time and what it sent.
     fn exchange(spi: &mut Spi, word: u16) -> (u64, u16) {
         let at = spi.next_frame().expect("a frame is under way");
         let frame = spi.shifted().expect("a frame is under way");

@@ -26,7 +26,7 @@ pub(crate) struct SysTick {
     reload: u32,
     count: u32,
     origin_ns: u64,
-    /// Ticks from the origin that were looked at.
+    /// Ticks from the origin that are already handled.
     seen: u64,
     counted: bool,
     /// The counter reached 0 with its interrupt on. Cleared once it is passed on.
@@ -62,7 +62,7 @@ impl SysTick {
         }
     }
 
-    /// The first tick after `n` at which the counter gets from 1 to 0.
+    /// The first tick after `n` at which the counter goes from 1 to 0.
     fn zero_after(&self, n: u64) -> Option<u64> {
         let first = u64::from(self.count);
         if n < first {
@@ -115,7 +115,7 @@ impl Peripheral for SysTick {
             // Reading COUNTFLAG clears it.
             0x00 if self.counted => return Some(now),
             0x00 => self.zero_after(self.seen),
-            // Within a loop's turn it moves on.
+            // The counter moves on within a turn of a loop.
             0x08 => return Some(now),
             _ => None,
         };

@@ -55,7 +55,7 @@ const COUNTS_EDGES: u32 = 0b111;
 const SLOW: u32 = 32;
 /// OR.TI1_RMP of TIM11: the crystal, divided for the RTC, is its input (section 19.5.11).
 const BY_CRYSTAL: u32 = 0b10;
-/// Of [`Tim::crystal_seen`]: the crystal is not captured.
+/// Value of [`Tim::crystal_seen`] while the crystal is not captured.
 const NOT_SEEN: u64 = u64::MAX;
 
 const CRYSTAL_INTERRUPT: &str = "OR: an interrupt by the crystal's edges is not modelled";
@@ -66,7 +66,7 @@ const SLAVE_MODES: &str = "SMCR: gated mode and the input ETR are not modelled";
 const TRIGGER_BY_EDGES: &str =
     "CR2.MMS: a timer that counts edges makes no trigger output for its updates and compares";
 
-/// Bits of registers that ask for what is not modelled.
+/// Register bits that request unmodelled features.
 const UNMODELLED: [(u32, u32, &str); 5] = [
     (0x00, 0x70, "CR1: only up-counting is modelled"),
     (0x04, 0x40, "CR2.MMS: OCxREF as trigger output is not modelled"),
@@ -102,7 +102,7 @@ pub(crate) struct Tim {
     references: [bool; CHANNELS],
     /// A channel is in a PWM mode.
     modulates: bool,
-    /// DMA requests that nobody has served, by their enable bits in DIER.
+    /// Pending DMA requests, by their enable bits in DIER.
     requests: u32,
     counter: Counter,
     /// Flags have been filled in up to this tick from the counter's origin.
@@ -169,7 +169,7 @@ impl Tim {
         }
     }
 
-    /// Returns `true` if no event to come changes how the counter counts.
+    /// Returns `true` if no coming event changes how the counter counts.
     fn counts_on(&self) -> bool {
         self.cr1 & OPM == 0 && self.or != BY_CRYSTAL && !self.has_pending_load()
     }
@@ -188,7 +188,7 @@ impl Tim {
         self.internal_trigger().filter(|_| moves)
     }
 
-    /// The internal trigger comes that moves this timer.
+    /// Handles the internal trigger that moves this timer.
     pub(crate) fn take_internal_trigger(&mut self, at: u64) {
         if self.slave_mode() == RESTARTS {
             self.restart(at);
@@ -218,8 +218,8 @@ impl Tim {
         self.slave_mode() == COUNTS_EDGES && field(self.smcr, 4, 3) != 0b111
     }
 
-    /// An edge comes at TI1 or TI2 of an encoder, while the other of the two has this level (section 18.3.12,
-    /// table of counting direction versus encoder signals).
+    /// Handles an edge at TI1 or TI2 of an encoder, while the other input has the level `other` (section
+    /// 18.3.12, table of counting direction versus encoder signals).
     pub(crate) fn encode(&mut self, input: usize, rising: bool, other: bool, at: u64) {
         // Mode 1 counts TI2's edges, mode 2 those of TI1, mode 3 both.
         if self.slave_mode() & (0b10 >> input) == 0 {
@@ -232,7 +232,7 @@ impl Tim {
         self.step(!up, at);
     }
 
-    /// An edge moves the counter.
+    /// Moves the counter by an edge.
     fn step(&mut self, down: bool, at: u64) {
         self.advance(at);
         let Some(updates) = self.counter.step(down) else {
@@ -268,7 +268,7 @@ impl Tim {
         self.modulate(0);
     }
 
-    /// Sets flags, and asks the DMA if their requests are on: an enable stands eight bits above its flag.
+    /// Sets flags, and asks the DMA if their requests are on: an enable is eight bits above its flag.
     fn flag(&mut self, flags: u32) {
         self.sr |= flags;
         self.requests |= flags << 8 & self.dier;
@@ -280,7 +280,7 @@ impl Tim {
         self.ccr.iter_mut().for_each(BufferedRegister::load);
     }
 
-    /// The requests that stand, as flags: update, channels 1 to 4, trigger.
+    /// The pending requests, as flags: update, channels 1 to 4, trigger.
     pub(crate) fn requests(&self) -> u32 {
         self.requests >> 8
     }
@@ -290,7 +290,7 @@ impl Tim {
         self.requests &= !(flag << 8);
     }
 
-    /// Returns `true` if it requests DMA, or another timer may restart it.
+    /// Returns `true` if the timer requests DMA, or another timer may restart it.
     pub(crate) fn is_linked(&self) -> bool {
         self.dier & REQUESTS != 0 || self.moved_by().is_some()
     }
@@ -317,8 +317,8 @@ impl Tim {
         Some(self.time_of_event(soonest))
     }
 
-    /// An edge at an input is the trigger of the slave mode: TI1 by TI1F_ED (both edges) or TI1FP1, TI2 by
-    /// TI2FP2, which have the polarity of their channels (section 18.4.3).
+    /// Returns `true` if an edge at an input is the trigger of the slave mode: TI1 by TI1F_ED (both edges)
+    /// or TI1FP1, TI2 by TI2FP2, which have the polarity of their channels (section 18.4.3).
     fn is_trigger(&self, input: usize, rising: bool) -> bool {
         let falls = bit(self.ccer, 4 * input as u32 + 1);
         match (field(self.smcr, 4, 3), input) {
@@ -336,7 +336,7 @@ impl Tim {
         self.flag(TRIGGER);
     }
 
-    /// An edge comes at an input: TI1 to TI4 are 0 to 3.
+    /// Handles an edge at an input: TI1 to TI4 are 0 to 3.
     pub(crate) fn edge(&mut self, input: usize, rising: bool, at: u64) {
         self.advance(at);
         for channel in 0..self.kind.channels {
@@ -357,8 +357,8 @@ impl Tim {
         }
     }
 
-    /// Captures the counter. CCxOF is set if the flag of an earlier capture still stands (section 18.4.5), or
-    /// if others came before.
+    /// Captures the counter. CCxOF is set if the flag of an earlier capture is still set (section 18.4.5),
+    /// or if there were `others` in between.
     fn latch(&mut self, channel: usize, at: u64, others: bool) {
         self.ccr[channel] = BufferedRegister::new(self.counter.count(at));
         let over = bit(self.sr, 1 + channel as u32) || others;
@@ -468,20 +468,20 @@ impl Tim {
         Some(self.time_of_event(soonest.min()?))
     }
 
-    /// PWM modes 1 and 2.
+    /// Returns `true` for an output in PWM mode 1 or 2.
     fn is_modulated(&self, channel: usize) -> bool {
         self.mode(channel) >= 0b110 && !self.is_input(channel)
     }
 
-    /// OCxREF in a PWM mode: mode 1 is high as long as the counter is below the compare value, mode 2 low
+    /// OCxREF in a PWM mode: mode 1 is high while the counter is below the compare value, mode 2 low
     /// (section 18.3.10).
     fn modulated(&self, channel: usize, tick: u64) -> bool {
         let below = self.counter.count_at(tick) < self.ccr[channel].active;
         below == (self.mode(channel) == 0b110)
     }
 
-    /// The tick of the next edge in a PWM mode: the match, or the overflow. Values to be loaded may make
-    /// another.
+    /// The tick of the next edge in a PWM mode: the match, or the overflow. An update that loads new values
+    /// counts as an edge.
     fn next_edge(&self, channel: usize) -> Option<u64> {
         let compare = self.ccr[channel].active;
         let below = self.references[channel] == (self.mode(channel) == 0b110);
@@ -514,8 +514,8 @@ impl Tim {
         self.counter.compare_after(self.ccr[channel].active, self.seen)
     }
 
-    /// The time of an event. A load at the next update may move everything after it: then look again at that
-    /// time.
+    /// The time of an event, or of an earlier update that loads new values and may move the event: then look
+    /// again at that time.
     fn time_of_event(&self, tick: u64) -> u64 {
         let update = self.counter.update_after(self.seen);
         self.counter.time_of(if self.has_pending_load() {
@@ -541,7 +541,7 @@ impl Tim {
         field(self.ccmr[channel / 2], 4 + 8 * (channel as u32 % 2), 3)
     }
 
-    /// Outputs that are forced have their level at once.
+    /// Gives forced outputs their level at once.
     fn force_outputs(&mut self) {
         for channel in 0..self.kind.channels {
             match self.mode(channel) {

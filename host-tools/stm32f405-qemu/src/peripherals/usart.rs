@@ -35,7 +35,7 @@ const EIE: u32 = 1 << 0;
 const DMAR: u32 = 1 << 6;
 const DMAT: u32 = 1 << 7;
 
-/// Bits of registers that ask for what is not modelled.
+/// Register bits that request unmodelled features.
 const UNMODELLED: [(u32, u32, &str); 3] = [
     (0x0c, 0b11, "CR1: break and mute mode are not modelled"),
     (0x10, 0x4800, "CR2: LIN and synchronous mode are not modelled"),
@@ -100,17 +100,17 @@ pub(crate) struct Usart {
     shifting: Option<(SentFrame, u64)>,
     /// No frame ends before this time.
     stalled_until_ns: u64,
-    /// Bytes on their way to the receiver, each with the time before which it does not come, ns.
+    /// Bytes on their way to the receiver, each with the earliest time at which it starts, ns.
     pub(crate) input: VecDeque<(u64, u8)>,
     /// When the last received frame ended.
     input_seen_ns: u64,
     /// When the receiver will call the line idle.
     idle_at: Option<u64>,
-    /// The flags that stood when SR was read: an access to DR then clears them.
+    /// The flags that were set when SR was read: an access to DR then clears them.
     armed: u32,
     /// Time that the DMA takes to fetch a received byte, ns.
     pub(crate) dma_latency_ns: u64,
-    /// When the DMA will fetch the byte that was received. Nothing once that time has come.
+    /// When the DMA will fetch the byte that was received. `None` once that time has come.
     pub(crate) fetch_at: Option<u64>,
     pub(crate) notes: Notes,
 }
@@ -125,7 +125,7 @@ impl Usart {
         }
     }
 
-    /// The other side sends these bytes, from `at_ns` on, and after all that it was given before.
+    /// Queues bytes that the other side sends, from `at_ns` on and after all earlier ones.
     pub(crate) fn feed(&mut self, at_ns: u64, bytes: &[u8]) {
         self.input.extend(bytes.iter().map(|byte| (at_ns, *byte)));
     }
@@ -135,7 +135,7 @@ impl Usart {
         self.fetch_at.filter(|_| self.cr[2] & DMAR != 0)
     }
 
-    /// The receiver had no clock until now: what the other side has begun to send is lost.
+    /// Drops what the other side has begun to send, as the receiver had no clock until now.
     pub(crate) fn missed(&mut self, now: u64) {
         self.input.retain(|(at_ns, _)| *at_ns >= now);
     }
@@ -150,7 +150,7 @@ impl Usart {
         if self.cr[0] & OVER8 == 0 { self.brr } else { by_8 }
     }
 
-    /// BRR is below what it can be (section 30.3.4): USARTDIV is 1 at least.
+    /// Returns `true` if BRR is below its least value (section 30.3.4): USARTDIV is 1 at least.
     fn has_no_rate(&self) -> bool {
         self.brr >> 4 == 0
     }
@@ -178,7 +178,7 @@ impl Usart {
         }
     }
 
-    /// Ends no frame before `until_ns`. What is being sent waits, and so does what comes after it.
+    /// Ends no frame before `until_ns`. The frame that is being sent waits, and so do those after it.
     pub(crate) fn stall(&mut self, until_ns: u64) {
         self.stalled_until_ns = self.stalled_until_ns.max(until_ns);
         if let Some((_, ends_ns)) = &mut self.shifting {
@@ -216,7 +216,7 @@ impl Usart {
 
     // The receiver.
 
-    /// Returns `true` if a byte that comes would interrupt, or goes to a stream of the DMA, which may.
+    /// Returns `true` if a received byte would interrupt, or goes to a stream of the DMA, which may.
     pub(crate) fn reception_interrupts(&self) -> bool {
         self.on(RE) && (self.cr[0] & (RXNEIE | IDLEIE) != 0 || self.cr[2] & DMAR != 0)
     }
@@ -252,7 +252,7 @@ impl Usart {
     }
 
     pub(crate) fn arrive(&mut self, frame: SentFrame, now: u64) {
-        // Section 30.3.5, table 142: the receiver stands up to some 3 % in all.
+        // Section 30.3.5, table 142: the receiver tolerates some 3 % in all.
         let off = self.frame_ns().abs_diff(frame.frame_ns);
         let framing = 100 * off > 3 * self.frame_ns();
         if self.on(RE) && framing {
@@ -346,7 +346,7 @@ impl Peripheral for Usart {
         Ok(())
     }
 
-    /// The frame under way is cut. What the other side still sends goes on.
+    /// Cuts the frame under way. The other side goes on sending.
     fn reset(&mut self, _now: u64) {
         let old = std::mem::replace(self, Self::new(self.features, self.pclk));
         (self.notes, self.dma_latency_ns) = (old.notes, old.dma_latency_ns);
@@ -401,7 +401,7 @@ mod tests {
         usart
     }
 
-    /// Ends the frame that is being sent: when, and its data.
+    /// Ends the frame that is being sent. Returns its time and its data.
     fn sent(usart: &mut Usart) -> (u64, u16) {
         (usart.next_sent().unwrap(), usart.sent().unwrap().data)
     }

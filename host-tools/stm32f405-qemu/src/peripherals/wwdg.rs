@@ -7,7 +7,7 @@ use super::register::field;
 
 const WDGA: u32 = 1 << 7;
 const EWI: u32 = 1 << 9;
-/// Of the counter: the machine is reset when it is clear.
+/// Bit of the counter: the machine is reset when it is clear.
 const T6: u32 = 0x40;
 const COUNTS: u32 = 0x80;
 
@@ -22,7 +22,7 @@ pub(crate) struct Wwdg {
     enabled: bool,
     cfr: u32,
     ewif: bool,
-    /// It resets the machine at once. Cleared once that is passed on.
+    /// True if the watchdog resets the machine at once. Cleared once that is passed on.
     pub(crate) bites: bool,
     pclk: u32,
     pub(crate) notes: Notes,

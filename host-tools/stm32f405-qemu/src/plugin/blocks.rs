@@ -5,10 +5,10 @@ use crate::outcome::{BlockCost, Instructions};
 
 pub(super) struct Blocks {
     pub(super) counters: &'static InstructionCounters,
-    /// The labels whose functions make a block a working one.
+    /// Labels whose functions make a block a working one.
     work: Vec<usize>,
-    /// Cost of the whole image up to the beginning of the block, and instructions of those functions. `None`
-    /// before the first one.
+    /// Cost of the whole image and instructions of the `work` functions when the block began. `None` before
+    /// the first block.
     began: Option<(Cost, u64)>,
     ended: Instructions,
 }
@@ -23,13 +23,13 @@ impl Blocks {
         }
     }
 
-    /// The processor was reset: the next block has the start-up in it, and is not counted.
+    /// Handles a reset of the processor: the next block contains the start-up, and is not counted.
     pub(super) fn restart(&mut self) {
         self.counters.watch_masks(false);
         self.began = None;
     }
 
-    /// A block of this many scans ends, and the next one begins. One of no scans is not counted.
+    /// Ends a block of `scans` scans, and begins the next. A block without scans is not counted.
     pub(super) fn end(&mut self, scans: u64) {
         self.counters.watch_masks(true);
         let now = (self.counters.cost(), self.counters.labelled(&self.work));

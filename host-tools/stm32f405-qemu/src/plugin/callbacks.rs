@@ -5,7 +5,7 @@
 //! QEMU holds its big lock in the callbacks for memory, timers and reset, and at the end of machine creation.
 //! The callbacks for translation, blocks and instructions run without it, in the processor's thread. They
 //! touch counters, which are atomics, and [`Sites`], which has its own lock. For the log, a fault or a panic
-//! they lock the overlay, but only for what needs RAM and QEMU's timers, which have locks of their own.
+//! they lock the overlay, but only to use RAM and QEMU's timers, which have locks of their own.
 #![allow(unsafe_code)]
 
 use std::ffi::{CStr, c_char, c_int, c_void};
@@ -67,17 +67,16 @@ static FUNCTIONS: OnceLock<Functions> = OnceLock::new();
 /// First addresses of the handlers of faults, and of the functions that a panic enters.
 static ENTRIES: OnceLock<[Vec<u32>; 2]> = OnceLock::new();
 
-/// The overlay and QEMU. Both are set before QEMU calls back, but for the moment in which it sets up its
-/// memory: `None`.
+/// The overlay and QEMU. `None` only while QEMU sets up its memory.
 fn running() -> Option<(MutexGuard<'static, Overlay>, &'static Qemu)> {
     let overlay = OVERLAY.get()?.lock().unwrap_or_else(PoisonError::into_inner);
     Some((overlay, QEMU.get()?))
 }
 
 static OPS: Ops = ops(on_read, on_write, false);
-/// QEMU reads flash as memory. Only stores come here.
+/// Operations of flash. QEMU reads flash as memory, so only stores arrive here.
 static FLASH_OPS: Ops = ops(on_read, on_store, true);
-/// Priorities of interrupts and exceptions.
+/// Operations of the priorities of interrupts and exceptions.
 static PRIORITY_OPS: Ops = ops(on_priority_read, on_priority_write, true);
 
 /// QEMU's operations for accesses of 1 to 4 bytes.
@@ -107,8 +106,8 @@ const fn ops(
     }
 }
 
-/// QEMU loads a plugin only if this is QEMU's own interface version. The host makes a copy of this file in
-/// which it is.
+/// QEMU loads a plugin only if this is QEMU's own interface version. The host sets the version in a copy of
+/// this file.
 #[unsafe(no_mangle)]
 #[allow(non_upper_case_globals)]
 pub(super) static qemu_plugin_version: c_int = 1;
@@ -116,7 +115,7 @@ pub(super) static qemu_plugin_version: c_int = 1;
 /// Called by QEMU once, before it makes the machine. Arguments are `name=value`.
 ///
 /// # Safety
-/// For QEMU to call.
+/// Only QEMU may call this.
 #[unsafe(no_mangle)]
 pub(super) unsafe extern "C" fn qemu_plugin_install(
     id: u64,
@@ -174,7 +173,7 @@ fn install(id: u64, arguments: &[String]) -> Result<(), String> {
         COUNTERS.get_or_init(|| (counters, Mutex::default()));
     }
     on_signal_of_abort(on_abort);
-    // SAFETY: `id` is what QEMU gave to this plugin.
+    // SAFETY: `id` is the number that QEMU gave this plugin.
     unsafe {
         (functions.qemu_plugin_register_vcpu_tb_trans_cb)(id, on_translate, null_mut());
         (functions.qemu_plugin_register_atexit_cb)(id, on_exit, null_mut());
@@ -182,12 +181,12 @@ fn install(id: u64, arguments: &[String]) -> Result<(), String> {
     Ok(())
 }
 
-/// The host holds the other end of standard input. Its end says that the host is gone, and nobody reads a
-/// report.
+/// Waits for the host's request for a report, or for the end of standard input, which the host holds open:
+/// then the host is gone, and nobody reads a report.
 fn watch_host(from: File, folder: &Path, steps: Option<&Sender<TimeStep>>) {
     take_no_signals();
     if stops::listen(from, steps) {
-        // On a busy computer the limit may come before QEMU is ready. The host gives up in the end.
+        // On a busy computer the request may come before QEMU is ready. The host gives up in the end.
         loop {
             if let Some((mut overlay, qemu)) = running() {
                 overlay.stop(RunEnd::Stopped, qemu);
@@ -202,8 +201,8 @@ fn watch_host(from: File, folder: &Path, steps: Option<&Sender<TimeStep>>) {
     leave(0);
 }
 
-/// QEMU aborts itself: so it does when the processor locks up. It does not return from here, and holds none
-/// of our locks then, or there is no report.
+/// Writes the report when QEMU aborts, as it does when the processor locks up. Writes none if QEMU aborts
+/// while one of our locks is held. QEMU does not continue after this.
 extern "C" fn on_abort(_signal: c_int) {
     if let (Some(overlay), Some(qemu)) = (OVERLAY.get(), QEMU.get())
         && let Ok(mut overlay) = overlay.try_lock()
@@ -213,10 +212,10 @@ extern "C" fn on_abort(_signal: c_int) {
     }
 }
 
-/// QEMU ends before the run does. With semihosting the image has asked for it; the host knows the status.
+/// Writes the report when QEMU ends before the run does. With semihosting the image has requested the end.
 extern "C" fn on_exit(_: Pointer, _: Pointer) {
     if let Some((mut overlay, qemu)) = running() {
-        // The host knows how.
+        // The host adds the exit status.
         let ended = RunEnd::QemuEnded(String::new());
         let exits = overlay.description.run.semihosting;
         overlay.stop(if exits { RunEnd::Exited(0) } else { ended }, qemu);
@@ -246,10 +245,10 @@ extern "C" fn on_machine_ready(_: *mut Notifier, _: Pointer) {
     }
 }
 
-/// Lays our regions over the machine, and finds what the overlay needs of QEMU.
+/// Lays our regions over the machine, and looks up the objects of QEMU that the overlay uses.
 fn lay_over(f: &'static Functions, chip: Chip) -> Result<Qemu, String> {
     let none = null_mut();
-    // SAFETY: QEMU's functions as it uses them itself when it makes a machine; names are terminated and
+    // SAFETY: QEMU's functions are used as QEMU does when it makes a machine; names are terminated and
     // static, the regions and the timer are never freed, and callbacks get the address of the region's start
     // as their argument.
     unsafe {
@@ -294,7 +293,7 @@ fn lay_over(f: &'static Functions, chip: Chip) -> Result<Qemu, String> {
         let waits = room();
         (f.memory_region_init_ram)(waits, none, c"stm32f405.waits".as_ptr(), 0x1000, none);
         (f.memory_region_add_subregion_overlap)(system, WAITS_AT.into(), waits, PRIORITY);
-        // QEMU's own flash cannot be written. Flash is also seen at 0, where the processor looks for its
+        // QEMU's own flash cannot be written. Flash is also mapped at 0, where the processor looks for its
         // vectors.
         let (flash, bytes) = (room(), chip.flash_space().len() as u64);
         let start = FLASH.start as Pointer;
@@ -340,7 +339,7 @@ fn lay_over(f: &'static Functions, chip: Chip) -> Result<Qemu, String> {
     }
 }
 
-/// The part's RAM that QEMU's machine may lack, and what the part lacks and QEMU may have: a bus fault.
+/// RAM that QEMU's machine may lack, and RAM that the part lacks, where an access is a bus fault.
 fn memory_of(chip: Chip) -> [(Range<u32>, &'static CStr, RangeContent); 4] {
     let (sram, ccm) = (chip.sram(), chip.ccm());
     [
@@ -366,7 +365,7 @@ enum RangeContent {
     Nothing,
 }
 
-/// Accepts an access. A refused one is a bus fault: RAM that comes here is none of this part.
+/// Accepts an access. A refused one is a bus fault: RAM addresses reach this only where the part has none.
 extern "C" fn on_accept(start: Pointer, offset: u64, _bytes: u32, _write: bool, _attributes: u64) -> bool {
     let address = address_of(start, offset);
     !is_ram(address, 1) && !is_beyond_every_bus(address)
@@ -412,7 +411,7 @@ extern "C" fn on_write(start: Pointer, offset: u64, value: u64, bytes: u32) {
     }
 }
 
-/// The processor may be in a loop that waits or moves pins.
+/// Counts an access that may belong to a loop that waits or moves pins.
 fn read_or_moved_pins() {
     if waiting::WATCH.read()
         && let Some(qemu) = QEMU.get()
@@ -426,7 +425,7 @@ extern "C" fn on_store(start: Pointer, offset: u64, value: u64, bytes: u32) {
     access(|machine, now, outside| machine.store(address, bytes, value, now, outside));
 }
 
-/// The processor accesses a register, or stores to flash.
+/// Passes an access to a register or a store to flash on to the machine.
 fn access<T: Default>(access: impl FnOnce(&mut Machine, u64, &mut Outside<'_>) -> T) -> T {
     running().map_or_else(T::default, |(mut overlay, qemu)| overlay.access(qemu, access))
 }
@@ -452,7 +451,7 @@ extern "C" fn on_wait(_processor: Pointer, _: Pointer) {
     }
 }
 
-/// The firmware wrote SYSRESETREQ.
+/// Resets the machine: the firmware has written SYSRESETREQ.
 extern "C" fn on_reset_request(_: Pointer, _number: c_int, level: c_int) {
     if let Some(qemu) = QEMU.get().filter(|_| level != 0) {
         qemu.request_reset();
@@ -467,15 +466,15 @@ extern "C" fn on_reset(_: Pointer) {
     }
 }
 
-/// Up to plugin interface 6 the arguments are the plugin's number and the block. From 7 on they are the block
-/// and what was given at registration, which is null here. In this calling convention an additional argument
-/// at registration does no harm.
+/// Up to plugin interface 6 the arguments are the plugin's number and the block. From 7 they are the block
+/// and the pointer given at registration, which is null here. In this calling convention an additional
+/// argument at registration does no harm.
 extern "C" fn on_translate(first: Pointer, second: Pointer) {
     let block = if second.is_null() { first } else { second };
     let (Some(f), Some([faults, panics])) = (FUNCTIONS.get(), ENTRIES.get()) else {
         return;
     };
-    // SAFETY: the block and its instructions are QEMU's for the time of this call; a site is never freed.
+    // SAFETY: the block and its instructions are valid during this call; a site is never freed.
     unsafe {
         let start = (f.qemu_plugin_tb_vaddr)(block) as usize as Pointer;
         (f.qemu_plugin_register_vcpu_tb_exec_cb)(block, on_block, NO_REGISTERS, start);
@@ -542,7 +541,7 @@ extern "C" fn on_translate(first: Pointer, second: Pointer) {
     }
 }
 
-/// A block of instructions begins. If the image has logged something since the last, it is taken at once, so
+/// Handles the start of a block of instructions. Log bytes written since the last block are taken at once, so
 /// that the log's buffer never gets full.
 extern "C" fn on_block(_processor: u32, start: Pointer) {
     if waiting::WATCH.block(start as usize as u32)
@@ -558,14 +557,14 @@ extern "C" fn on_block(_processor: u32, start: Pointer) {
     }
 }
 
-/// The processor may be in a loop that waits.
+/// Tries to shorten a loop that waits.
 extern "C" fn on_loop(_processor: Pointer, _: Pointer) {
     if let Some((mut overlay, qemu)) = running() {
         let counts = overlay.shorten_wait(qemu);
         for (address, times) in &counts {
             if let Some(taken) = handlers::count_at(*address) {
                 taken.fetch_add(*times, Relaxed);
-                // As where QEMU executes its first instruction.
+                // As when QEMU executes the handler's first instruction.
                 waiting::EVENT.store(true, Relaxed);
             }
         }
@@ -602,11 +601,11 @@ extern "C" fn on_base_priority(_processor: u32, at: Pointer) {
 }
 
 extern "C" fn on_fault(_processor: u32, at: Pointer) {
-    /// The exception that was active here before.
+    /// The exception that was active at the last call.
     static SEEN: AtomicU32 = AtomicU32::new(0);
     let Some(qemu) = QEMU.get() else { return };
-    // A handler that is a loop begins at every turn. To ask QEMU for the registers takes hundreds of times as
-    // long as a turn. A fault in the handler that leads to itself is another exception.
+    // A handler that is a loop begins at every turn. Asking QEMU for the registers takes hundreds of times as
+    // long as a turn. A handler that faults and so enters itself runs as another exception.
     let active = priorities::active(qemu);
     if SEEN.swap(active, Relaxed) == active && repeats(at as usize as u32) {
         return;
@@ -639,7 +638,7 @@ extern "C" fn on_own_wait(_processor: u32, _: Pointer) {
     }
 }
 
-/// QEMU's WFE does not wait, before version 11.
+/// Makes WFE wait: QEMU's own does not before version 11.
 extern "C" fn on_wait_for_event(_processor: u32, _: Pointer) {
     let Some(qemu) = QEMU.get() else { return };
     if qemu_has_events() || waiting::EVENT.swap(false, Relaxed) {
@@ -650,13 +649,13 @@ extern "C" fn on_wait_for_event(_processor: u32, _: Pointer) {
     }
 }
 
-/// From version 11 on, QEMU has the event register.
+/// Returns `true` if QEMU has the event register: from version 11.
 fn qemu_has_events() -> bool {
     const FIRST: c_int = 6;
     qemu_plugin_version >= FIRST
 }
 
-/// The processor has executed WFE, and no event has come.
+/// Halts the processor: it has executed WFE, and no event has come.
 extern "C" fn on_halt(_processor: Pointer, _: Pointer) {
     if let Some((mut overlay, qemu)) = running() {
         overlay.wait_for_event(qemu);
@@ -700,7 +699,7 @@ fn note_sighting(sighting: Sighting) {
 
 extern "C" fn on_data(_processor: u32, info: u32, address: u64, _: Pointer) {
     if let Some(f) = FUNCTIONS.get() {
-        // SAFETY: takes what QEMU says about an access.
+        // SAFETY: takes the description of an access that QEMU passed.
         let bytes = 1 << unsafe { (f.qemu_plugin_mem_size_shift)(info) };
         with_counters(|counters| counters.accessed(address as u32, bytes));
     }

@@ -20,7 +20,7 @@ pub(super) struct Site {
     labels: Vec<usize>,
     /// The labels for which it is the first instruction of a function.
     entered: Vec<usize>,
-    /// If cycles are counted.
+    /// `None` unless cycles are counted.
     timed: Option<Timed>,
 }
 
@@ -40,7 +40,7 @@ pub(super) struct InstructionCounters {
     timing: Option<Mutex<Timing>>,
 }
 
-/// Instructions, and their cycles if these are counted.
+/// Instructions, and their cycles if those are counted.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Cost {
     pub(super) instructions: u64,
@@ -55,13 +55,13 @@ impl Cost {
         }
     }
 
-    /// The order of stretches: by cycles, then by instructions.
+    /// Sort key of stretches: cycles, then instructions.
     fn length(self) -> (u64, u64) {
         (self.cycles.unwrap_or_default().most, self.instructions)
     }
 }
 
-/// Cycles of all, and of each label.
+/// Cycles in total and of each label.
 #[derive(Debug)]
 struct Timing {
     count: CycleCount,
@@ -72,13 +72,13 @@ struct Timing {
 /// Stretches without interrupts.
 #[derive(Debug, Default)]
 struct Masks {
-    /// True if they count now.
+    /// True while stretches are counted.
     watched: bool,
-    /// Depth of nested masks of interrupts now, with the cost and address at which masking began.
+    /// Current depth of nested critical sections, with the cost and address at which the outermost began.
     depth: u32,
     since: Cost,
     from: u32,
-    /// The longest, and where it began.
+    /// The longest stretch, and where it began.
     longest: Cost,
     longest_from: u32,
 }
@@ -114,7 +114,7 @@ impl InstructionCounters {
         Some(locked(self.timing.as_ref()?))
     }
 
-    /// All so far.
+    /// Cost of the run so far.
     pub(super) fn cost(&self) -> Cost {
         Cost {
             instructions: self.total(),
@@ -122,7 +122,7 @@ impl InstructionCounters {
         }
     }
 
-    /// The instruction that is being executed accesses data.
+    /// Records a data access of the current instruction.
     pub(super) fn accessed(&self, address: u32, bytes: u32) {
         if let Some(mut timing) = self.timing() {
             timing.count.accesses(address, bytes);
@@ -137,8 +137,8 @@ impl InstructionCounters {
         masks.depth += 1;
     }
 
-    /// PRIMASK is what it was before it was set last: so a critical section in another ends. To know this
-    /// needs no register, and reading one for each section would take long.
+    /// Ends the innermost critical section: PRIMASK is back at its value from before. The depth is counted,
+    /// since reading a register for each section would take long.
     pub(super) fn mask_restored(&self) {
         let mut masks = locked(&self.masks);
         if masks.depth > 1 {
@@ -149,7 +149,7 @@ impl InstructionCounters {
         self.unmasked();
     }
 
-    /// Interrupts are let through.
+    /// Ends all critical sections: interrupts are enabled.
     pub(super) fn unmasked(&self) {
         let mut masks = locked(&self.masks);
         let masked = std::mem::take(&mut masks.depth) > 0 && masks.watched;
@@ -159,7 +159,7 @@ impl InstructionCounters {
         }
     }
 
-    /// Stretches without interrupts count from now on, or no longer. After a reset none is masked.
+    /// Starts or stops counting stretches without interrupts. After a reset interrupts are enabled.
     pub(super) fn watch_masks(&self, watched: bool) {
         let mut masks = locked(&self.masks);
         if std::mem::replace(&mut masks.watched, watched) != watched && !watched {
@@ -178,8 +178,8 @@ impl InstructionCounters {
         })
     }
 
-    /// Returns the counter of the instruction at an address, `None` if it counts for the total alone. `word`
-    /// is its halfword, or its two with the first below.
+    /// Returns the counter of the instruction at an address, `None` if it counts only for the total. `word`
+    /// is its halfword, or its two with the first in the low half.
     pub(super) fn site(&self, address: u32, word: Option<u32>) -> Option<Site> {
         let begins_handler = handlers::count_at(address).is_some();
         let timed = word.filter(|_| self.times());
@@ -211,7 +211,7 @@ impl InstructionCounters {
         }
     }
 
-    /// Adds an instruction that was executed so often, by the site of its address.
+    /// Adds `times` executions of an instruction, by the site of its address.
     pub(super) fn executed_times(&self, site: Option<&Site>, times: u64) {
         add(&self.total, times);
         if let Some(site) = site {
@@ -283,7 +283,7 @@ mod tests {
         let counters = InstructionCounters::new(&[], Vec::new(), false);
         let stretch = |from, length| {
             counters.masked(from);
-            // A critical section in another masks once more, and lets nothing through.
+            // A nested critical section masks once more, and its end unmasks nothing.
             counters.masked(from + 2);
             (0..length).for_each(|_| counters.executed(None));
             counters.mask_restored();

@@ -1,10 +1,9 @@
-//! The half-words of flash that were executed, kept in a file while the image runs.
+//! Records the executed half-words of flash in a file while the image runs.
 //!
 //! # Design
-//! Bit n of byte b of the file is the half-word at FLASH + 2 (8 b + n), where an instruction begins or
-//! goes on. A block of instructions counts as a whole when it begins: only a fault leaves one in its
-//! middle. The file is written as soon as something new is executed, so that a run that is killed leaves
-//! what it had.
+//! Bit n of byte b of the file is the half-word at FLASH + 2 (8 b + n), which is the start or the second half
+//! of an instruction. A block of instructions counts as a whole when it begins: only a fault leaves one in
+//! its middle. The file is written whenever something new is executed, so that a killed run keeps its record.
 
 use std::fs::File;
 use std::os::unix::fs::FileExt;
@@ -23,12 +22,12 @@ pub(super) struct Coverage {
 }
 
 impl Coverage {
-    /// Begins a file beside those of other runs of this image.
+    /// Creates a file beside those of other runs of this image.
     ///
     /// # Errors
-    /// One line: which file cannot be made.
+    /// One line: which file cannot be created.
     pub(super) fn new(stem: &Path) -> Result<Self, String> {
-        // The system may give a process's number again.
+        // The system may reuse a process's number.
         for number in 0.. {
             let path = stem.with_extension(format!("{}-{number}.bits", std::process::id()));
             match File::create_new(&path) {
@@ -46,7 +45,7 @@ impl Coverage {
         Err("no number is left for a file of executed addresses".into())
     }
 
-    /// A block of instructions at an address is executed.
+    /// Records the execution of a block of instructions.
     pub(super) fn executed(&self, address: u32, bytes: u32) {
         let from = address.wrapping_sub(FLASH.start);
         let (mut at, end) = (from / 2, from.saturating_add(bytes).div_ceil(2));
@@ -54,7 +53,7 @@ impl Coverage {
             let byte = at / 8;
             let last = end.min(8 * (byte + 1));
             let mask = (at..last).fold(0, |mask, bit| mask | 1 << (bit % 8));
-            // Outside flash there are none.
+            // There are no bits for addresses outside flash.
             let Some(bits) = self.bits.get(byte as usize) else {
                 return;
             };

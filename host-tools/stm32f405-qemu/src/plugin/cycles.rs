@@ -7,9 +7,9 @@
 //! says ([`instruction`]), and waits for its words from flash ([`flash`]). The core fetches words of four
 //! bytes, up to three ahead. A taken branch begins the fetch anew.
 //!
-//! These are bounds and an estimate, no measurement: which line of a cache gives way, how processor and DMA
-//! share a bus, and when the flash drops a fetch that a branch has made useless, is not documented. The upper
-//! bound leaves out such fetches and the DMA. Sleep takes no cycles here.
+//! These are bounds and an estimate, not a measurement: it is not documented which line of a cache is
+//! evicted, how processor and DMA share a bus, and when the flash drops a fetch that a branch has made
+//! useless. The upper bound leaves out such fetches and the DMA. Sleep takes no cycles here.
 
 mod flash;
 mod instruction;
@@ -23,17 +23,17 @@ use crate::outcome::Cycles;
 /// Cycles to enter an exception and to leave it, with the registers of the floating-point unit or without
 /// (PM0214 section 2.3.7; DDI0439B section 3.9). Both are counted when it is entered.
 const EXCEPTION: u64 = 12 + 10;
-/// At most: with those registers, an instruction of 12 cycles that begins anew, and the vector in flash.
+/// Upper bound: with those registers, an instruction of 12 cycles that is restarted, and the vector in flash.
 const EXCEPTION_MOST: u64 = EXCEPTION + 2 * 17 + 12 + 1 + WAITS;
-/// Cycles that an access to a peripheral waits: on AHB and a fast APB, and on a slow APB behind a DMA.
+/// Wait cycles of an access to a peripheral: on AHB and a fast APB, and on a slow APB behind a DMA.
 const PERIPHERAL: u64 = 3;
 const PERIPHERAL_MOST: u64 = 8;
-/// Most cycles in which the pipeline is filled after a branch.
+/// Most cycles to refill the pipeline after a branch.
 const REFILL_MOST: u64 = 3;
 /// Words that the core fetches ahead.
 const AHEAD: u32 = 3;
 
-/// Where an instruction went on.
+/// Continuation of execution after an instruction.
 #[derive(Clone, Copy)]
 enum Flow {
     Next,
@@ -53,13 +53,13 @@ struct Accesses {
 /// The core and one kind of memory.
 #[derive(Debug, Default)]
 struct Clock {
-    /// `None`: always ready.
+    /// `None` for memory that is always ready.
     flash: Option<Flash>,
     now: u64,
-    /// Address of the next word to fetch, and when it can be asked for.
+    /// Address of the next word to fetch, and the earliest time to request it.
     next: u32,
     from: u64,
-    /// When the last words came, by the lowest bits of their number.
+    /// Arrival times of the last words, by the lowest bits of their number.
     came: [u64; 8],
 }
 
@@ -72,7 +72,7 @@ impl Clock {
         }
     }
 
-    /// Fetches words up to an address, as far as they are asked for before a time.
+    /// Fetches the words below an address that are requested before a time.
     fn fetch(&mut self, end: u32, before: u64) {
         while self.next < end && self.from < before {
             let there = match &mut self.flash {
@@ -115,7 +115,7 @@ impl Clock {
 #[derive(Debug, Default)]
 struct UpperBound {
     now: u64,
-    /// The line that instructions come from. A constant takes its place.
+    /// The line in use by instructions. A read of a constant evicts it.
     line: Option<u32>,
 }
 
@@ -149,7 +149,7 @@ pub(super) struct Timed {
 }
 
 impl Timed {
-    /// The instruction at an address: its halfword, or its two with the first below.
+    /// The instruction at an address. `word` is its halfword, or its two with the first in the low half.
     pub(super) fn new(address: u32, word: u32, begins_handler: bool) -> Self {
         Self {
             instruction: Instruction::decode(address, word),
@@ -163,7 +163,7 @@ impl Timed {
 pub(super) struct CycleCount {
     clocks: [Clock; 3],
     upper: UpperBound,
-    /// The instruction that is being executed, and the one before.
+    /// The current instruction, and the one before.
     current: Option<Instruction>,
     before: Option<Instruction>,
     accesses: Accesses,
@@ -181,7 +181,7 @@ impl CycleCount {
         }
     }
 
-    /// Time of the instructions that are over.
+    /// Time of the completed instructions.
     pub(super) fn now(&self) -> Cycles {
         let [ideal, cached, uncached] = [0, 1, 2].map(|n: usize| self.clocks[n].now);
         Cycles {
@@ -192,7 +192,7 @@ impl CycleCount {
         }
     }
 
-    /// The processor goes on to an instruction, so the one before is over. Returns the time of that.
+    /// Completes the current instruction, and begins the next. Returns the time of the completed one.
     pub(super) fn executes(&mut self, next: &Timed) -> Cycles {
         let (began, address) = (self.now(), next.instruction.address);
         let Some(it) = self.current.replace(next.instruction) else {
@@ -218,7 +218,7 @@ impl CycleCount {
         self.now() - began
     }
 
-    /// The instruction that is being executed accesses data.
+    /// Records a data access of the current instruction.
     pub(super) fn accesses(&mut self, address: u32, bytes: u32) {
         self.accesses.count += 1;
         self.accesses.unaligned += u64::from(!address.is_multiple_of(bytes));
@@ -234,7 +234,7 @@ impl CycleCount {
 mod tests {
     use super::*;
 
-    /// Time of instructions one after the other: each with its words, and the addresses that it accesses.
+    /// Time of instructions in sequence, each with its word and the addresses that it accesses.
     fn straight(words: &[(u32, &[u32])]) -> Cycles {
         let (mut count, mut address) = (CycleCount::new(), FLASH.start);
         for (word, accesses) in words.iter().chain(&[(0xbf00, &[][..])]) {
@@ -263,7 +263,7 @@ mod tests {
         // Five wait states, and as many for the line of the next instruction.
         assert_eq!(of(0x0800_4000), [2, 2 + 5 + 5]);
         assert_eq!(alone(load, &[]), [1, 1], "its condition does not hold");
-        // An address that the instruction before has computed: of r1.
+        // The instruction before computes the address, in r1.
         assert_eq!(alone(0x680b, &[0x2000_0000]), [3, 3]);
     }
 
@@ -281,14 +281,14 @@ mod tests {
         let branch = after(at(0x40, 0xe01e, false), at(0x80, 0xbf00, false));
         let interrupted = after(at(0x40, 0xbf00, false), at(0x80, 0xbf00, false));
         let chained = after(at(0x40, 0x4770, false), at(0x80, 0xbf00, true));
-        // The first word of a branch's target comes a cycle after it is asked for.
+        // The first word of a branch's target arrives a cycle after its request.
         assert_eq!(
             [branch, interrupted, chained].map(|cycles| cycles - straight),
             [2, 23, 23]
         );
     }
 
-    /// Words between which there is nothing but data: that is what the two models have in common. llvm-mca
+    /// Instructions that depend on each other by data only, which both models cover. llvm-mca
     /// -mtriple=thumbv7em-none-eabihf -mcpu=cortex-m4 counts 10 cycles a turn.
     #[test]
     fn straight_code_takes_as_long_as_llvm_says() {

@@ -2,11 +2,12 @@
 //!
 //! # Design
 //!
-//! The callbacks for instructions see that a handler or the panic's function is entered. There QEMU cannot
-//! give the time. So they leave a [`Sighting`], and wake the overlay, which comes at the end of that block.
+//! The callbacks for instructions notice that a handler or the panic's function is entered. QEMU cannot
+//! report the time there, so they leave a [`Sighting`] and wake the overlay, which runs at the end of that
+//! block.
 //!
-//! After a fault or a panic most images stand in a loop for ever. A run that goes on then shows nothing. But
-//! firmware may also say what happened and reset itself, or leave that to the watchdog. So it gets
+//! After a fault or a panic most images stay in an endless loop, and continuing the run would show nothing.
+//! But firmware may also report what happened and reset itself, or leave that to the watchdog. So it gets
 //! [`GRACE_NS`], and more if the watchdog runs.
 
 use super::priorities;
@@ -17,7 +18,7 @@ use crate::memory::is_ram;
 
 /// Time in which a failed image may still reset itself, ns.
 const GRACE_NS: u64 = 50_000_000;
-/// Exceptions that are kept.
+/// Most exceptions that are kept.
 const MOST: usize = 16;
 /// BKPT with this number is a call to the host.
 const SEMIHOSTING: u8 = 0xab;
@@ -32,7 +33,7 @@ pub(super) enum Sighting {
     Exception(Exception),
     /// The panic's function was entered.
     Panic,
-    /// The processor goes to sleep deeply.
+    /// The processor enters deep sleep.
     DeepSleep,
 }
 
@@ -47,7 +48,7 @@ pub(super) struct Failures {
 }
 
 impl Failures {
-    /// An exception of a fault was taken at this time. If the image is at its end by that: how.
+    /// Records the exception of a fault. Returns the end of the run if the exception ends it.
     pub(super) fn fault(&mut self, exception: Exception) -> Option<RunEnd> {
         let panicked = matches!(self.pending_end, Some((_, RunEnd::Panicked)));
         let pc = exception.pc.clone().unwrap_or_default();
@@ -76,7 +77,7 @@ impl Failures {
         self.pending_end = None;
     }
 
-    /// When to look whether the image is at its end.
+    /// Time at which to check for the end of the run.
     pub(super) fn end_at(&self) -> Option<u64> {
         Some(self.pending_end.as_ref()?.0)
     }

@@ -1,4 +1,4 @@
-//! Regions of the memory protection unit, in which accesses may fault.
+//! Regions of the memory protection unit in which accesses may fault.
 
 use std::ops::Range;
 
@@ -10,8 +10,8 @@ const MPU_RNR: u32 = 0xe000_ed98;
 const MPU_RBAR: u32 = 0xe000_ed9c;
 const MPU_RASR: u32 = 0xe000_eda0;
 const ENABLE: u64 = 1;
-/// Outside the regions the memory is as without the unit. That is for privileged code alone; other code can
-/// only be executed within a region.
+/// Outside the regions, privileged code has access as without the unit. Other code can execute only within a
+/// region.
 const PRIVDEFENA: u64 = 1 << 2;
 /// Regions of a Cortex-M4.
 const REGIONS: u64 = 8;

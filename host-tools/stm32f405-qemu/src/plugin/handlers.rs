@@ -2,9 +2,9 @@
 //!
 //! # Design
 //!
-//! The vectors in the image say where each handler begins. An instruction there is counted, and no other, so
-//! a run costs no more. A handler that several vectors share is left out: it is the one for interrupts that
-//! should not come, and a panic or a fault tells of it.
+//! The vectors in the image give the start of each handler. Only the instruction there is counted, so
+//! counting costs nothing elsewhere. A handler that several vectors share is left out: it is the default
+//! handler for unexpected interrupts, which show up as a panic or a fault.
 
 use std::collections::{HashMap, HashSet};
 use std::sync::OnceLock;
@@ -29,7 +29,7 @@ struct Handler {
     taken: AtomicU64,
 }
 
-/// Takes note of where the handlers begin.
+/// Records where the handlers begin.
 pub(super) fn find(vectors: &[[u8; 4]]) {
     let at = |vector: usize| u32::from_le_bytes(vectors[vector]) & !1;
     let lines = (EXCEPTIONS..vectors.len()).chain(NAMED.map(|(vector, _)| vector));
@@ -55,7 +55,7 @@ pub(super) fn count_at(address: u32) -> Option<&'static AtomicU64> {
     Some(&HANDLERS.get()?.get(&address)?.taken)
 }
 
-/// The interrupts that were taken, in the order of their vectors.
+/// Interrupts taken, in the order of their vectors.
 pub(super) fn taken() -> Vec<Interrupt> {
     let handlers = HANDLERS.get().into_iter().flat_map(HashMap::values);
     let mut taken: Vec<_> = handlers

@@ -1,18 +1,18 @@
-//! QEMU's main thread rests while the processor's thread does its work.
+//! Keeps QEMU's main thread at rest while the processor's thread works.
 //!
 //! # Design
-//! While the processor waits, virtual time goes to the next timer. QEMU does this in its main thread, and
-//! wakes that thread for every timer, also for one that the processor's thread has called itself. Two threads
-//! then wake one another some ten thousand times in a second of the bead's time, which takes longer than what
-//! the image does. So the processor's thread passes the time
-//! ([`Qemu::pass_time`](super::qemu::Qemu::pass_time)), and the main thread is kept where QEMU does not wake
-//! it: in a timer of its own, which waits here. It is let go for what only it can do, a reset and the end,
-//! and from time to time for a debugger and for signals.
+//! While the processor waits, virtual time advances to the next timer. QEMU does this in its main thread, and
+//! wakes that thread for every timer, including one whose callback the processor's thread has already run.
+//! The two threads then wake each other some ten thousand times per second of virtual time, which takes
+//! longer than executing the image. So the processor's thread passes the time
+//! ([`Qemu::pass_time`](super::qemu::Qemu::pass_time)), and the main thread blocks in a callback of its own
+//! timer, where QEMU does not wake it. It is released for a reset and for the end of the run, which only it
+//! can carry out, and from time to time to serve a debugger and signals.
 
 use std::sync::{Condvar, Mutex, PoisonError};
 use std::time::Duration;
 
-/// Until the main thread looks around.
+/// Longest rest of the main thread.
 const LONGEST: Duration = Duration::from_millis(20);
 
 /// Schedule of the main thread's rests.
@@ -31,7 +31,7 @@ impl IdleSchedule {
         drop(waited);
     }
 
-    /// The main thread is needed, or is not any more.
+    /// Sets whether the main thread is needed.
     pub(super) fn need(&self, needed: bool) {
         *self.needed.lock().unwrap_or_else(PoisonError::into_inner) = needed;
         self.changed.notify_all();

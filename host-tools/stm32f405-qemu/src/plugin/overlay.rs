@@ -23,9 +23,9 @@ use crate::memory::{FLASH, WRITABLE, is_ram};
 use crate::outcome::{Outcome, StretchWork};
 use crate::thumb::{HandBack, Registers};
 
-/// Instructions that QEMU executes itself before something may happen.
+/// Instructions left to QEMU before the next event.
 const MARGIN: u64 = 64;
-/// Longest stretch of virtual time that is executed at once, ns: the host is listened to in between.
+/// Longest stretch of virtual time executed at once, ns: the overlay listens to the host in between.
 const LONGEST_NS: u64 = 1_000_000_000_000;
 /// The register with the address of the vectors.
 const VTOR: u32 = 0xe000_ed08;
@@ -36,22 +36,22 @@ pub(super) struct Overlay {
     pub(super) description: RunDescription<'static>,
     folder: PathBuf,
     recorder: RunRecorder,
-    /// Of a live run: what the host's steps go to.
+    /// For a live run: receives the host's steps.
     pub(super) steps: Option<Sender<TimeStep>>,
-    /// In order of time.
+    /// Pokes in order of time.
     pokes: VecDeque<Poke>,
-    /// Those since power-up, and those since the first scan.
+    /// Faults counted from power-up, and from the first scan, each in order of time.
     faults: [VecDeque<Fault>; 2],
     failures: Failures,
-    /// The last time at which the overlay was called.
+    /// Time of the last call of the overlay.
     now: u64,
-    /// The time at which it asked to be called.
+    /// Time for which the overlay has requested the next call.
     wakes_at: u64,
-    /// The processor stands still up to this time: it has executed what it does up to then.
+    /// Time up to which the processor stands still: its instructions up to then have been executed.
     executed_to: Option<u64>,
-    /// Registers with which the processor goes on after a wait of the overlay's own.
+    /// Registers with which the processor continues after a wait of the overlay's own.
     goes_on_with: Option<Registers>,
-    /// The time at which the processor has executed the return from a handler that it enters again.
+    /// Time at which the processor has executed the return from a handler that it enters again.
     returns_at: Option<u64>,
     powered_up: bool,
     interrupts_tested: bool,
@@ -61,7 +61,7 @@ pub(super) struct Overlay {
 }
 
 impl Overlay {
-    /// Reads what to run.
+    /// Reads the run's description.
     ///
     /// # Errors
     /// One line: what is wrong with the directory.
@@ -115,7 +115,7 @@ impl Overlay {
         })
     }
 
-    /// Tells the host of a live run by this stream.
+    /// Sets the stream to the host of a live run.
     pub(super) fn talk_to(&mut self, host: File) {
         if let Some(stops) = &mut self.recorder.stops {
             stops.to = Some(host);
@@ -126,8 +126,8 @@ impl Overlay {
         Some(self.recorder.blocks.as_ref()?.counters)
     }
 
-    /// The processor reads a register. Most reads change nothing, so that nothing is due earlier or later
-    /// after them.
+    /// Reads a register for the processor. Most reads change nothing, so the time of the next call stays
+    /// valid.
     pub(super) fn read(&mut self, address: u32, bytes: u32, qemu: &Qemu) -> u32 {
         let now = qemu.now();
         if self.machine.is_quiet(now) {
@@ -143,7 +143,7 @@ impl Overlay {
         })
     }
 
-    /// The processor reads, writes or stores to flash: `access` says it to the machine.
+    /// Passes the processor's read, write or store to flash on to the machine by `access`.
     pub(super) fn access<T>(
         &mut self,
         qemu: &Qemu,
@@ -161,7 +161,7 @@ impl Overlay {
         result
     }
 
-    /// The time that the overlay asked for has come.
+    /// Handles the events that are due. QEMU calls this at the requested time.
     pub(super) fn wake(&mut self, qemu: &Qemu) {
         if self.goes_on(qemu) {
             return;
@@ -175,7 +175,7 @@ impl Overlay {
             qemu.read_memory(self.description.vectors, &mut vectors);
             self.machine.set_vectors(self.description.vectors);
             handlers::find(vectors.as_chunks().0);
-            // Takes over what QEMU has loaded there.
+            // Takes over the contents that QEMU has loaded.
             let mut contents = vec![0; self.machine.flash().len()];
             qemu.read_memory(WRITABLE.start, &mut contents);
             self.machine.set_flash(contents);
@@ -203,9 +203,8 @@ impl Overlay {
         }
     }
 
-    /// A loop that waits, up to the next time at which something may happen: executes it here, and lets the
-    /// processor stand still for as long.
-    /// Gives how often it has executed the instructions, by their addresses.
+    /// Executes a waiting loop here, up to the next time at which something may happen, and stops the
+    /// processor for as long. Returns the addresses of the executed instructions, with their counts.
     pub(super) fn shorten_wait(&mut self, qemu: &Qemu) -> Vec<(u32, u64)> {
         let now = qemu.now();
         let ns = qemu.pace.instruction_ns();
@@ -235,7 +234,7 @@ impl Overlay {
         let mut outside = Outside(qemu, &mut self.recorder);
         let log = self.description.rtt.map(rtt::write_offset);
         let vectors = match qemu.read_nvic(VTOR, 4) as u32 {
-            // Flash is seen there too.
+            // Flash is also mapped at 0.
             0 => FLASH.start,
             vectors => vectors,
         };
@@ -274,7 +273,7 @@ impl Overlay {
         executed.counts
     }
 
-    /// Nothing can end a loop that waits for something.
+    /// Returns `true` if nothing can end a loop that waits.
     fn nothing_is_to_come(&self) -> bool {
         let fault = self.next_fault();
         self.machine.is_at_rest()
@@ -283,21 +282,21 @@ impl Overlay {
             && self.failures.end_at().is_none()
     }
 
-    /// The processor waits until it is told to go on, or for an interrupt, and then goes on with these
+    /// Lets the processor wait for an interrupt or until it is resumed, and then continue with these
     /// registers.
     fn send_to_wait(&mut self, registers: Registers, qemu: &Qemu) {
         self.goes_on_with = Some(registers);
         qemu.send_to_wait(&registers);
     }
 
-    /// The processor waits.
+    /// The processor has begun to wait: gives it the registers with which it continues.
     pub(super) fn halted(&mut self, qemu: &Qemu) {
         if let Some(registers) = self.goes_on_with.take() {
             qemu.set_registers_of_processor(&registers);
         }
     }
 
-    /// The processor has stood still for as long as its loop took, and goes on.
+    /// Resumes the processor when its loop is over. Returns `false` if no loop was executed.
     fn goes_on(&mut self, qemu: &Qemu) -> bool {
         let Some(to) = self.executed_to else { return false };
         if qemu.now() < to {
@@ -314,7 +313,7 @@ impl Overlay {
     /// The processor has executed WFE, and no event has come.
     pub(super) fn wait_for_event(&mut self, qemu: &Qemu) {
         let vectors = qemu.read_nvic(VTOR, 4) as u32;
-        // With another table, not all handlers are known.
+        // With another vector table, some handlers may be unknown.
         let at_zero = vectors == 0 && self.description.vectors == FLASH.start;
         let known = vectors == self.description.vectors || at_zero;
         if known
@@ -327,7 +326,7 @@ impl Overlay {
         }
     }
 
-    /// If the host has said to stop at this time, waits for it to say how far time goes next.
+    /// If this is a stop of a live run, waits for the host to set the next one.
     fn stop_for_host(&mut self, now: u64, qemu: &Qemu) {
         let stops = self.recorder.stops.as_ref();
         if self.ended || stops.is_none_or(|stops| now < stops.at_ns) {
@@ -343,7 +342,7 @@ impl Overlay {
         }
     }
 
-    /// In a live run, tells the host what came out since the last stop.
+    /// In a live run, sends the host the output since the last stop.
     fn tell_host(&mut self, now: u64, ended: bool) {
         let total = self.counters().map_or(0, InstructionCounters::total);
         let Some(stops) = &mut self.recorder.stops else {
@@ -372,7 +371,7 @@ impl Overlay {
         self.recorder.tell(reached);
     }
 
-    /// A callback saw something in the middle of a block. Time for it comes at the end of that block.
+    /// Notes what a callback saw in the middle of a block. It is handled at the end of that block.
     pub(super) fn note_sighting(&mut self, sighting: Sighting, qemu: &Qemu) {
         self.failures.sightings.push(sighting);
         qemu.wake_at(self.now + 1);
@@ -408,7 +407,7 @@ impl Overlay {
         }
     }
 
-    /// When the next fault is due, and its queue. Those since the first scan are not known before it.
+    /// Time of the next fault, and its queue. Those counted from the first scan are unknown before it.
     fn next_fault(&self) -> Option<(u64, usize)> {
         let first = self
             .machine
@@ -422,10 +421,10 @@ impl Overlay {
         fronts.min()
     }
 
-    /// QEMU has reset the machine. The first time is power-up.
+    /// Handles a reset of the machine by QEMU. The first one is power-up.
     pub(super) fn reset(&mut self, qemu: &Qemu) {
         if !std::mem::replace(&mut self.powered_up, true) {
-            // The interrupt controller is ready once everything is reset. Its test comes first of all.
+            // The interrupt controller is ready once everything is reset, and is tested first.
             qemu.wake_at(qemu.now() + 1);
             return;
         }
@@ -437,7 +436,7 @@ impl Overlay {
         (self.executed_to, self.goes_on_with, self.returns_at) = (None, None, None);
         waiting::BASE_PRIORITY.forget();
         self.recorder.restore_flash(qemu);
-        // After this QEMU loads the image, and after that comes the processor's first instruction.
+        // After this QEMU loads the image, and then the processor executes its first instruction.
         self.reloaded = true;
         self.failures.reset();
         self.drain_log(qemu);
@@ -445,8 +444,7 @@ impl Overlay {
         qemu.wake_at(now);
     }
 
-    /// When the run is over: some time after the stimulus, or at a deadline if sampling has
-    /// not begun.
+    /// End of the run: some time after the stimulus, or the deadline if sampling has not begun.
     fn ends_at(&self) -> u64 {
         if self.recorder.stops.is_some() {
             return u64::MAX;
@@ -456,7 +454,7 @@ impl Overlay {
         end.map_or(run.sampling_deadline_ns, |end| end.saturating_add(run.tail_ns))
     }
 
-    /// Asks to be called again when something will happen.
+    /// Requests the next call, at the time of the next event.
     fn after(&mut self, now: u64, qemu: &Qemu) {
         self.now = now;
         if self.ended {
@@ -472,7 +470,7 @@ impl Overlay {
         qemu.wake_at(self.wakes_at);
     }
 
-    /// Takes the image's log out of its memory. Gives whether the image has set the log up.
+    /// Takes the image's log from its memory. Returns `true` if the image has set the log up.
     pub(super) fn drain_log(&mut self, qemu: &Qemu) -> bool {
         let block = self.description.rtt;
         let log = block.and_then(|block| rtt::drain(block, &mut Guest(qemu)));
@@ -480,25 +478,25 @@ impl Overlay {
         log.is_some()
     }
 
-    /// Where the write offset of the log lies.
+    /// Address of the log's write offset.
     pub(super) fn log_offset(&self) -> Option<u32> {
         self.description.rtt.map(rtt::write_offset)
     }
 
-    /// Addresses at which the handler of a fault begins, and those at which a panic does.
+    /// First addresses of the handlers of faults, and of the functions that a panic enters.
     pub(super) fn entries(&self) -> [Vec<u32>; 2] {
         let description = &self.description;
         [&description.fault_handlers, &description.panic_functions].map(Clone::clone)
     }
 
-    /// The host wants the report now, or QEMU ends by itself.
+    /// Writes the report: the host requests it, or QEMU ends by itself.
     pub(super) fn stop(&mut self, end: RunEnd, qemu: &Qemu) {
         let now = qemu.now();
         self.drain_log(qemu);
         self.report(end, now, qemu);
     }
 
-    /// QEMU gives up, since the processor has locked up. It cannot say the time any more.
+    /// Writes the report after a lock-up of the processor, when QEMU can no longer give the time.
     pub(super) fn lock_up(&mut self, qemu: &Qemu) {
         for sighting in std::mem::take(&mut self.failures.sightings) {
             if let Sighting::Exception(mut exception) = sighting {
@@ -510,7 +508,7 @@ impl Overlay {
         self.report(RunEnd::LockedUp(None), self.now, qemu);
     }
 
-    /// Writes the outcome and asks QEMU to stop. What it still executes until then is not recorded.
+    /// Writes the outcome and asks QEMU to stop. Instructions that QEMU executes until then are not recorded.
     fn end(&mut self, end: RunEnd, now: u64, qemu: &Qemu) {
         self.drain_log(qemu);
         if self.report(end, now, qemu) {
@@ -518,7 +516,7 @@ impl Overlay {
         }
     }
 
-    /// Faults and pokes that were to come.
+    /// Faults and pokes that were due later than the end of the run.
     fn never_came(&self) -> impl Iterator<Item = String> {
         let sampled = self.machine.stimulus().sampling().is_some();
         let faults = self.faults.iter().flatten().map(move |fault| {
@@ -532,7 +530,7 @@ impl Overlay {
         faults.chain(pokes)
     }
 
-    /// Writes the outcome, once. Gives whether this was the first time.
+    /// Writes the outcome, once. Returns `true` the first time.
     fn report(&mut self, end: RunEnd, now: u64, qemu: &Qemu) -> bool {
         if std::mem::replace(&mut self.ended, true) {
             return false;
@@ -582,8 +580,8 @@ fn describe(folder: &Path) -> Result<RunDescription<'static>, String> {
     serde_json::from_value(json).map_err(odd)
 }
 
-/// Guest memory for the log. What is not RAM reads as zero: an address that the image has not set yet may be
-/// a register of ours.
+/// Guest memory for the log. Addresses outside RAM read as zero: an address that the image has not set yet
+/// may be that of one of our registers.
 struct Guest<'a>(&'a Qemu);
 
 impl rtt::GuestMemory for Guest<'_> {

@@ -1,20 +1,19 @@
 //! The overlay's virtual time, and how QEMU's own clock is read as it.
 //!
 //! # Design
-//! QEMU's clock moves by the same time with each instruction, whatever the firmware does with its clocks. A
-//! core takes a cycle of HCLK for an instruction at least. While a cycle is longer than QEMU's time, the
-//! overlay's time goes by faster: an instruction takes the least whole number of ns that is no less than a
-//! cycle. As the overlay's time is never the slower one, each of its times at the end of an instruction is
-//! one of QEMU's exactly.
+//! QEMU's clock advances by a fixed time with each instruction, whatever the firmware does with its clocks. A
+//! core takes at least one cycle of HCLK for an instruction. While a cycle is longer than QEMU's time, the
+//! overlay's time runs faster: an instruction takes a cycle, rounded up to whole ns. Since the overlay's time
+//! is never slower than QEMU's, its time at the end of an instruction corresponds exactly to one of QEMU's.
 
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
 
 const NS_PER_S: u64 = 1_000_000_000;
 
-/// Time of an instruction, and the time in both clocks since which it holds.
+/// Time of an instruction, and when it was set, in both clocks.
 pub(super) struct Pace {
     hclk: AtomicU32,
-    /// In QEMU's time, ns.
+    /// Time of an instruction by QEMU's clock, ns.
     qemu_instruction_ns: AtomicU64,
     instruction_ns: AtomicU64,
     since: AtomicU64,
@@ -32,8 +31,8 @@ impl Pace {
         }
     }
 
-    /// The processor has a clock of `hclk` Hz from now on, and QEMU's clock moves by `qemu_instruction_ns`
-    /// with an instruction. Without a clock the processor executes nothing, and all stays.
+    /// Sets the processor's clock to `hclk` Hz, while QEMU's clock advances by `qemu_instruction_ns` with an
+    /// instruction. At 0 Hz the processor executes nothing, and the pace is kept.
     pub(super) fn follow(&self, hclk: u32, qemu_instruction_ns: u64, qemu_ns: impl FnOnce() -> u64) {
         if self.hclk.swap(hclk, Relaxed) == hclk || hclk == 0 {
             return;
@@ -52,14 +51,14 @@ impl Pace {
         self.instruction_ns.load(Relaxed)
     }
 
-    /// The overlay's time when QEMU's clock says `qemu_ns`.
+    /// The overlay's time at `qemu_ns` of QEMU's clock.
     pub(super) fn time(&self, qemu_ns: u64) -> u64 {
         let passed = u128::from(qemu_ns - self.qemu_since.load(Relaxed));
         let passed = passed * u128::from(self.instruction_ns()) / self.qemu_step();
         self.since.load(Relaxed) + passed as u64
     }
 
-    /// The first time of QEMU's clock at which the overlay's is not before `ns`.
+    /// The first time of QEMU's clock at which the overlay's has reached `ns`.
     pub(super) fn qemu_time(&self, ns: u64) -> u64 {
         let left = u128::from(ns.saturating_sub(self.since.load(Relaxed)));
         let left = (left * self.qemu_step()).div_ceil(self.instruction_ns().into());
@@ -110,7 +109,7 @@ mod tests {
         }
     }
 
-    /// The interpreter counts on from any time, and QEMU goes on where it ends.
+    /// The interpreter starts from any time, and QEMU continues where it ends.
     #[test]
     fn after_some_instructions_both_times_are_each_others() {
         for (hclk, ns) in [(16_000_000, 63), (100_000_000, 10), (168_000_000, 8)] {

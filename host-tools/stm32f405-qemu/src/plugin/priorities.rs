@@ -7,14 +7,14 @@ const AIRCR: u32 = 0xe000_ed0c;
 /// Enabled and pending lines, a bit for each.
 const NVIC_ISER: u32 = 0xe000_e100;
 const NVIC_ISPR: u32 = 0xe000_e200;
-/// Priorities, a byte for each line, and for each of the exceptions from 4 on.
+/// Priorities, a byte for each line and for each exception from 4.
 const NVIC_IPR: u32 = 0xe000_e400;
 const SHPR: u32 = 0xe000_ed18;
 /// The first exception that has a priority of its own, and the first of the lines (ARMv7-M ARM, B1.5.2).
 const FIRST: u32 = 4;
 pub(super) const FIRST_LINE: u32 = 16;
 
-/// The exception that is enabled and pending, and comes before all others that are. 0 is none.
+/// The enabled and pending exception with the highest priority. 0 is none.
 pub(super) fn pending(qemu: &Qemu) -> u32 {
     (qemu.read_nvic(ICSR, 4) >> 12) as u32 & 0x1ff
 }
@@ -24,13 +24,13 @@ pub(super) fn active(qemu: &Qemu) -> u32 {
     qemu.read_nvic(ICSR, 4) as u32 & 0x1ff
 }
 
-/// Returns `true` if an interrupt is pending: a sleep then ends at once (ICSR.ISRPENDING and PENDSTSET,
+/// Returns `true` if an interrupt is pending, so that a sleep ends at once (ICSR.ISRPENDING and PENDSTSET,
 /// PENDSVSET).
 pub(super) fn is_any_pending(qemu: &Qemu) -> bool {
     qemu.read_nvic(ICSR, 4) & (1 << 22 | 1 << 26 | 1 << 28) != 0
 }
 
-/// Returns `true` if an exception may interrupt the handler of another, whatever else masks it. 0 is no
+/// Returns `true` if an exception may interrupt the handler of another, regardless of other masks. 0 is no
 /// handler.
 pub(super) fn may_preempt(exception: u32, handled: u32, qemu: &Qemu) -> bool {
     if handled < FIRST || exception < FIRST {
@@ -41,7 +41,7 @@ pub(super) fn may_preempt(exception: u32, handled: u32, qemu: &Qemu) -> bool {
     group < of_handled
 }
 
-/// Returns `true` if a line comes before what is pending, though that may be nothing.
+/// Returns `true` if a line takes precedence over the pending exception, if there is one.
 pub(super) fn comes_first(exception: u32, qemu: &Qemu) -> bool {
     let other = pending(qemu);
     let order = |n: u32| (priority(n, qemu), n);
@@ -60,7 +60,7 @@ fn is_set(registers: u32, line: usize, qemu: &Qemu) -> bool {
     qemu.read_nvic(registers + line as u32 / 32 * 4, 4) >> (line % 32) & 1 == 1
 }
 
-/// The lower, the sooner it comes.
+/// Priority of an exception: a lower value is taken first.
 fn priority(exception: u32, qemu: &Qemu) -> u64 {
     let address = match exception.checked_sub(FIRST_LINE) {
         Some(line) => NVIC_IPR + line,

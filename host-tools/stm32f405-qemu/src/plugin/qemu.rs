@@ -3,16 +3,16 @@
 //! # Design
 //!
 //! QEMU's own functions are looked up by name when the plugin is loaded. They are not linked, so this crate
-//! links into host programs, and a QEMU that does not export them gets a clear line. They are QEMU's internal
-//! interface. Debian's and Ubuntu's builds export them. As used here they are the same in 7.2.22, 10.0.2 and
-//! 11.1.3, which were tried. The self-test tries each effect that the overlay rests on.
+//! links into host programs, and a QEMU that does not export them causes a clear error. They are QEMU's
+//! internal interface. Debian's and Ubuntu's builds export them. As used here they are the same in 7.2.22,
+//! 10.0.2 and 11.1.3, which were tried. The self-test checks each effect that the overlay relies on.
 //!
 //! # Safety
 //!
-//! The overlay never looks into QEMU's structures. It gives them room ([`room`]) that is larger than in any
+//! The overlay never looks into QEMU's structures. It reserves space ([`room`]) that is larger than in any
 //! known version, and QEMU fills it in. The two exceptions are small structures that a caller fills in,
-//! [`Ops`] and [`Notifier`]. Every call is made with QEMU's big lock held, or
-//! from the processor's own thread between two of its instructions.
+//! [`Ops`] and [`Notifier`]. Every call is made with QEMU's big lock held, or from the processor's own thread
+//! between two of its instructions.
 #![allow(unsafe_code)]
 
 use std::ffi::{c_char, c_int, c_void};
@@ -35,14 +35,14 @@ const _: () = assert!(SPARE_LINE >= INTERRUPTS);
 
 pub(super) type Pointer = *mut c_void;
 
-/// Declares QEMU's functions as fields that are filled in by name, or by the name that they had before.
+/// Declares QEMU's functions as fields that are looked up by name, or by their earlier name.
 macro_rules! functions {
     ($(#[$meta:meta])* $all:ident: $($name:ident $(| $before:ident)?: fn($($argument:ty),*) $(-> $result:ty)?;)*) => {
         $(#[$meta])*
         pub(super) struct $all { $(pub(super) $name: unsafe extern "C" fn($($argument),*) $(-> $result)?,)* }
 
         impl $all {
-            /// The error is the name that QEMU does not export.
+            /// Looks the functions up. The error is the name that QEMU does not export.
             pub(super) fn find() -> Result<Self, &'static str> {
                 Ok(Self { $($name: {
                     let names = [concat!(stringify!($name), "\0") $(, concat!(stringify!($before), "\0"))?];
@@ -132,7 +132,7 @@ pub(super) struct ByteArray {
     length: u32,
 }
 
-/// Memory of the guest as the host has it.
+/// A range of guest memory and its place in the host's memory.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Window {
     start: u32,
@@ -172,13 +172,12 @@ pub(super) struct Notifier {
     pub(super) node: [usize; 2],
 }
 
-/// No time of the timer.
+/// Time of a timer that is not set.
 pub(super) const NEVER: i64 = -1;
 pub(super) const DEVICE_LITTLE_ENDIAN: c_int = 2;
 pub(super) const QEMU_CLOCK_REALTIME: c_int = 0;
 pub(super) const QEMU_CLOCK_VIRTUAL: c_int = 1;
-/// Time that the main thread stays awake between two rests, and that it waits while the machine is paused,
-/// ns.
+/// Time that the main thread stays awake between two rests, and its wait while the machine is paused, ns.
 const LOOKS_AROUND_NS: i64 = 100_000;
 const RESTS_AGAIN_NS: i64 = 20_000_000;
 pub(super) const SCALE_NS: c_int = 1;
@@ -188,7 +187,7 @@ const SHUTDOWN_CAUSE_GUEST_RESET: c_int = 7;
 const HALT: c_int = 0x20;
 /// `CPU_INTERRUPT_EXITTB`: wakes the processor, and has no other effect.
 const GO_ON: c_int = 0x04;
-/// `enum qemu_plugin_cb_flags`: what a callback does with the processor's registers.
+/// `enum qemu_plugin_cb_flags`: a callback's use of the processor's registers.
 pub(super) const NO_REGISTERS: c_int = 0;
 pub(super) const READS_REGISTERS: c_int = 1;
 /// `QEMU_PLUGIN_MEM_RW`.
@@ -197,7 +196,7 @@ pub(super) const LOADS_AND_STORES: c_int = 3;
 const NVIC_START: u32 = 0xe000_e000;
 /// `MEMTXATTRS_UNSPECIFIED`.
 const UNSPECIFIED: u64 = 1;
-/// Above QEMU's own devices, which are at 0.
+/// Priority of our regions, above QEMU's own devices, which are at 0.
 pub(super) const PRIORITY: c_int = 10;
 
 /// QEMU, as the overlay uses it.
@@ -205,17 +204,17 @@ pub(super) struct Qemu {
     pub(super) functions: &'static Functions,
     pub(super) address_space: Pointer,
     pub(super) timer: Pointer,
-    /// QEMU's time for which it is set. To set it anew takes the processor out of its work.
+    /// Time for which the timer is set, by QEMU's clock. Setting the timer anew interrupts the processor.
     pub(super) timer_at: AtomicI64,
     pub(super) interrupts: Vec<Pointer>,
     pub(super) nmi: Pointer,
     pub(super) systick: Pointer,
     pub(super) nvic: Pointer,
-    /// `None` with a QEMU that does not export it: its main thread passes the time, and the run takes longer.
+    /// `None` if QEMU does not export them: its main thread passes the time, and the run takes longer.
     pub(super) waits: Option<Waits>,
-    /// Called in the processor's thread for [`Self::pass_wait`]. It is to call [`Self::pass_time`].
+    /// Called in the processor's thread for [`Self::pass_wait`]. Must call [`Self::pass_time`].
     pub(super) on_wait: extern "C" fn(Pointer, Pointer),
-    /// `None` with a QEMU that does not export it: loops that wait are not shortened.
+    /// `None` if QEMU does not export them: loops that wait are not shortened.
     pub(super) processor: Option<ProcessorAccess>,
     /// SRAM, CCM and flash.
     pub(super) windows: Vec<Window>,
@@ -225,7 +224,7 @@ pub(super) struct Qemu {
     pub(super) pace: Pace,
 }
 
-// SAFETY: the pointers are to objects of QEMU's that live as long as it does, used under its big lock.
+// SAFETY: the pointers are to QEMU's objects, which live as long as it does, and are used under its big lock.
 unsafe impl Send for Qemu {}
 // SAFETY: as above.
 unsafe impl Sync for Qemu {}
@@ -241,13 +240,13 @@ impl Qemu {
         ns.max(0) as u64
     }
 
-    /// The processor has a clock of `hclk` Hz from now on; QEMU's clock moves by `instruction_ns` with an
+    /// Sets the processor's clock to `hclk` Hz, while QEMU's clock advances by `instruction_ns` with an
     /// instruction. Call [`Self::wake_at`] afterwards.
     pub(super) fn follow_clock(&self, hclk: u32, instruction_ns: u64) {
         self.pace.follow(hclk, instruction_ns, || self.own_now());
     }
 
-    /// Calls `Overlay::wake` at this time, and not at the time asked for before.
+    /// Requests a call of `Overlay::wake` at this time, in place of the time requested before.
     pub(super) fn wake_at(&self, ns: u64) {
         if self.reset_requested.load(Relaxed) {
             return;
@@ -259,7 +258,7 @@ impl Qemu {
         }
     }
 
-    /// The timer has run out, or was stopped.
+    /// Marks the timer as not set: it has run out, or was stopped.
     pub(super) fn forget_timer(&self) {
         self.timer_at.store(NEVER, Relaxed);
     }
@@ -278,7 +277,7 @@ impl Qemu {
         unsafe { access(space, address.into(), UNSPECIFIED, bytes, length, write) };
     }
 
-    /// Writes memory of any kind, also flash.
+    /// Writes memory of any kind, including flash.
     pub(super) fn poke(&self, address: u32, bytes: &[u8]) {
         let (write, space) = (self.functions.address_space_write_rom, self.address_space);
         let (bytes, length) = (bytes.as_ptr().cast(), bytes.len() as u64);
@@ -296,8 +295,8 @@ impl Qemu {
         unsafe { (self.functions.qemu_set_irq)(line, c_int::from(level)) }
     }
 
-    /// Stops the processor until it is told to go on, an interrupt that it takes, or a reset. While nothing
-    /// runs, virtual time goes straight to the next timer.
+    /// Stops the processor until it is resumed, takes an interrupt, or is reset. While nothing runs, virtual
+    /// time jumps to the next timer.
     pub(super) fn stall(&self, stalled: bool) {
         let request = if stalled { HALT } else { GO_ON };
         // SAFETY: processor 0 exists once the machine is made; the request is one of QEMU's.
@@ -307,14 +306,14 @@ impl Qemu {
         }
     }
 
-    /// The processor is about to wait. While it does, its own thread passes the time, and not QEMU's main
-    /// thread.
+    /// Lets the processor's own thread pass the time, instead of QEMU's main thread, while the processor
+    /// waits. Call this when the wait begins.
     pub(super) fn pass_wait(&self) {
         self.call_between_instructions(self.on_wait);
     }
 
     /// Has a function called in the processor's thread, between two instructions and with QEMU's big lock
-    /// held. Gives whether this QEMU can do so.
+    /// held. Returns `false` if this QEMU cannot do so.
     pub(super) fn call_between_instructions(&self, function: extern "C" fn(Pointer, Pointer)) -> bool {
         if let Some(waits) = &self.waits {
             // SAFETY: processor 0 exists once the machine is made.
@@ -323,7 +322,7 @@ impl Qemu {
         self.waits.is_some()
     }
 
-    /// The processor's registers, between two instructions.
+    /// The processor's registers. Valid between two instructions.
     pub(super) fn registers_of_processor(&self) -> Option<Registers> {
         let access = self.processor.as_ref()?;
         let mut registers = Registers::default();
@@ -359,7 +358,7 @@ impl Qemu {
         }
     }
 
-    /// Lets the processor execute the WFI at [`WAITS_AT`], from which it goes on elsewhere.
+    /// Sends the processor to the WFI at [`WAITS_AT`], from where it continues elsewhere.
     pub(super) fn send_to_wait(&self, registers: &Registers) {
         let mut r = registers.r;
         r[15] = WAITS_AT;
@@ -368,7 +367,7 @@ impl Qemu {
         self.set_registers_of_processor(&Registers { r, xpsr });
     }
 
-    /// Finds where the host has SRAM, CCM and flash.
+    /// Maps SRAM, CCM and flash into the host's memory.
     pub(super) fn map_windows(&mut self, chip: Chip) {
         for (range, writable) in [
             (chip.sram(), true),
@@ -376,7 +375,7 @@ impl Qemu {
             (chip.flash_space(), false),
         ] {
             let mut start = range.start;
-            // SRAM may be of two pieces: QEMU's and ours.
+            // SRAM may consist of two pieces: QEMU's and ours.
             while start < range.end {
                 let mut length = (range.end - start).into();
                 let (map, space) = (self.functions.address_space_map, self.address_space);
@@ -411,7 +410,7 @@ impl Qemu {
         Some(unsafe { window.host.add((address - window.start) as usize) })
     }
 
-    /// Reads 1, 2 or 4 aligned bytes of memory, without QEMU's doing.
+    /// Reads 1, 2 or 4 aligned bytes of memory without calling QEMU.
     pub(super) fn peek(&self, address: u32, bytes: u32) -> Option<u32> {
         let place = self.in_window(address, bytes)?;
         // SAFETY: the bytes are guest memory, which lives as long as QEMU, aligned as the address is. Only
@@ -425,11 +424,11 @@ impl Qemu {
         })
     }
 
-    /// Lets time go on from timer to timer until the processor has something to do, as QEMU's main thread
+    /// Advances time from timer to timer until the processor has something to do, as QEMU's main thread
     /// would.
     pub(super) fn pass_time(&self) {
         let Some(waits) = &self.waits else { return };
-        // SAFETY: as in QEMU's main loop. The last says whether a timer was due. If none was, time stands
+        // SAFETY: as in QEMU's main loop. The last call returns `false` if no timer was due: then time stands
         // still.
         unsafe {
             while (waits.all_cpu_threads_idle)() {
@@ -441,7 +440,7 @@ impl Qemu {
         }
     }
 
-    /// Lets the main thread rest: to be called in its timer for this.
+    /// Lets the main thread rest. Call this in the callback of `rest_timer`.
     pub(super) fn rest(&self) {
         let Some(waits) = &self.waits else { return };
         // SAFETY: the thread holds the big lock in a timer, and may give it up there for a while. The timer
@@ -465,8 +464,9 @@ impl Qemu {
         unsafe { (self.functions.qemu_system_shutdown_request)(SHUTDOWN_CAUSE_GUEST_SHUTDOWN) }
     }
 
-    /// The reset comes a little later, from another thread. Until then no timer may be set. The processor is
-    /// stopped, so virtual time could jump to the timer or not, depending on which thread runs first.
+    /// Requests a reset. It comes a little later, from another thread, and until then no timer may be set:
+    /// the processor is stopped, so virtual time might jump to that timer, depending on which thread runs
+    /// first.
     pub(super) fn request_reset(&self) {
         self.reset_requested.store(true, Relaxed);
         self.rest.need(true);
@@ -478,7 +478,7 @@ impl Qemu {
         }
     }
 
-    /// Reads 1, 2 or 4 bytes of the interrupt controller's own registers, under whatever lies over them.
+    /// Reads 1, 2 or 4 bytes of the interrupt controller's own registers, below any region that covers them.
     pub(super) fn read_nvic(&self, address: u32, bytes: u32) -> u64 {
         let mut value = 0;
         let (offset, size) = (u64::from(address - NVIC_START), bytes.trailing_zeros() as c_int);
@@ -495,12 +495,12 @@ impl Qemu {
         unsafe { write(self.nvic, offset, value, size, UNSPECIFIED) };
     }
 
-    /// The Thumb instruction at an address: a halfword, or two with the first below.
+    /// The Thumb instruction at an address: a halfword, or two with the first in the low half.
     pub(super) fn instruction(&self, address: u32) -> u32 {
         let mut bytes = [0; 4];
         self.read_memory(address, &mut bytes);
         let word = u32::from_le_bytes(bytes);
-        // 11101, 11110 and 11111 begin a wide one.
+        // 11101, 11110 and 11111 begin a wide instruction.
         let is_wide = word >> 11 & 0x1f >= 0b11101;
         if is_wide { word } else { word & 0xffff }
     }
@@ -524,7 +524,7 @@ impl Qemu {
         }
     }
 
-    /// Lets [`log_moved`] look at a word of RAM: the write offset of the image's log.
+    /// Makes [`log_moved`] watch a word of RAM: the write offset of the image's log.
     pub(super) fn watch_log(&self, address: u32) {
         let mut length = 4;
         let (map, space) = (self.functions.address_space_map, self.address_space);
@@ -535,7 +535,7 @@ impl Qemu {
         }
     }
 
-    /// Reads a word as the processor sees it, also of its private peripherals.
+    /// Reads a word as the processor sees it, including its private peripherals.
     pub(super) fn processor_word(&self, address: u32) -> u32 {
         let (f, mut word) = (&self.functions, 0u32);
         // SAFETY: processor 0 exists once the machine is made; the buffer is a word.
@@ -547,26 +547,26 @@ impl Qemu {
     }
 }
 
-/// A WFI of the overlay's own, in a page where the part has nothing. QEMU passes time only while the
-/// processor waits, and it waits by an instruction.
+/// Address of the overlay's own WFI, in a page where the part has nothing. QEMU passes time only while the
+/// processor waits, and the processor waits only in an instruction.
 pub(super) const WAITS_AT: u32 = 0x1ffe_f000;
 /// The WFI, and a branch back to it.
 pub(super) const WAITS: [u8; 4] = [0x30, 0xbf, 0xfd, 0xe7];
 
-/// Number of xPSR in the list of a debugger's registers.
+/// Number of xPSR in the register list of a debugger.
 const XPSR: c_int = 25;
 /// GLib's array for [`Qemu::registers_of_processor`].
 static GUEST_REGISTERS: OnceLock<AtomicPtr<ByteArray>> = OnceLock::new();
 
-/// The write offset of the log, in guest memory, and what it was when the log was last looked at.
+/// The write offset of the log, in guest memory, and its value when the log was last read.
 static LOG_OFFSET: AtomicPtr<AtomicU32> = AtomicPtr::new(std::ptr::null_mut());
 pub(super) static LOG_SEEN: AtomicU32 = AtomicU32::new(0);
-/// The block of instructions that was begun last.
+/// Address of the block of instructions begun last.
 static LAST_BLOCK: AtomicU32 = AtomicU32::new(0);
-/// The one before it.
+/// Address of the block before that.
 static BLOCK_BEFORE: AtomicU32 = AtomicU32::new(0);
 
-/// A block of instructions begins. Gives the write offset of the log if the image has moved it.
+/// Records the start of a block. Returns the write offset of the log if the image has moved it.
 pub(super) fn log_moved(block: u32) -> Option<u32> {
     // Only the processor's thread writes here.
     if block == WAITS_AT {
@@ -583,12 +583,12 @@ pub(super) fn log_moved(block: u32) -> Option<u32> {
 /// True if WFE was executed.
 pub(super) static WAITED_FOR_EVENT: AtomicBool = AtomicBool::new(false);
 
-/// The address of the block that was begun last.
+/// Returns the address of the block begun last.
 pub(super) fn last_block() -> Option<u32> {
     Some(LAST_BLOCK.load(Relaxed)).filter(|address| *address != 0)
 }
 
-/// Returns `true` if the block at this address was begun twice, one time right after the other.
+/// Returns `true` if the block at this address was begun twice in a row.
 pub(super) fn repeats(block: u32) -> bool {
     [&LAST_BLOCK, &BLOCK_BEFORE].map(|of| of.load(Relaxed)) == [block; 2]
 }
@@ -600,8 +600,8 @@ pub(super) fn on_signal_of_abort(function: extern "C" fn(c_int)) {
     unsafe { libc::signal(libc::SIGABRT, function as *const () as libc::sighandler_t) };
 }
 
-/// The host's ends of standard input and output. The image gets others by semihosting: nothing to read, and a
-/// file to write to, or nothing.
+/// Takes over the process's standard input and output, which lead to the host. The image gets others by
+/// semihosting: nothing to read, and a file to write to, or nothing.
 pub(super) fn take_standard_streams(output: Option<&Path>) -> std::io::Result<(File, File)> {
     let nothing = OpenOptions::new().read(true).write(true).open("/dev/null")?;
     let output = output.map(|path| OpenOptions::new().create(true).append(true).open(path));
@@ -622,7 +622,7 @@ pub(super) fn take_standard_streams(output: Option<&Path>) -> std::io::Result<(F
     }
 }
 
-/// Lets this thread take no signals: QEMU wants them in its own.
+/// Blocks all signals in this thread: QEMU handles them in its own.
 pub(super) fn take_no_signals() {
     // SAFETY: the set is filled before it is used.
     unsafe {
@@ -643,7 +643,7 @@ pub(super) fn leave(status: c_int) -> ! {
     unsafe { libc::_exit(status) }
 }
 
-/// An exported symbol of the process. The error is its name. The name given ends with a zero.
+/// Finds an exported symbol of the process. The error is its name. The name given ends with a zero.
 pub(super) fn symbol(name: &'static str) -> Result<Pointer, &'static str> {
     // SAFETY: the name is terminated.
     let found = unsafe { libc::dlsym(libc::RTLD_DEFAULT, name.as_ptr().cast()) };
@@ -652,7 +652,7 @@ pub(super) fn symbol(name: &'static str) -> Result<Pointer, &'static str> {
         .ok_or(name.trim_end_matches('\0'))
 }
 
-/// Zeroed room for a structure of QEMU's, never freed.
+/// Allocates zeroed space for one of QEMU's structures, never freed.
 pub(super) fn room() -> Pointer {
     Box::leak(Box::new([0u128; 256])).as_mut_ptr().cast()
 }
@@ -661,7 +661,7 @@ pub(super) fn say(line: &str) {
     eprintln!("{LINE_PREFIX}{line}");
 }
 
-/// An interrupt line for the self-test. QEMU's controller has 96 lines and the device 82: firmware cannot
+/// An interrupt line for the self-test. QEMU's controller has 96 lines and the device 82, so firmware cannot
 /// enable this one.
 pub(super) const SPARE_LINE: usize = 95;
 

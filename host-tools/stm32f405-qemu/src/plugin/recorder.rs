@@ -12,19 +12,19 @@ use crate::device::{BusAnswer, BusCall};
 use crate::exchange::{self, Reached};
 use crate::machine::{Exterior, USARTS};
 
-/// Most bytes of the log that are kept: of a run, or of a live run from stop to stop. An image that only
-/// moves the offsets of its log about gives gigabytes a second.
+/// Most bytes of the log that are kept for a run, or from stop to stop of a live run. An image that only
+/// moves the offsets of its log produces gigabytes per second.
 const MOST_LOG: usize = 64 << 20;
 
 /// The room that is left for the log.
 struct LogRoom {
     left: usize,
-    /// Bytes for which there was none.
+    /// Bytes that did not fit.
     lost: u64,
 }
 
 impl LogRoom {
-    /// The bytes for which there is room.
+    /// Returns the bytes that fit.
     fn take<'a>(&mut self, log: &'a [u8]) -> &'a [u8] {
         let (kept, lost) = log.split_at(log.len().min(self.left));
         self.left -= kept.len();
@@ -38,9 +38,9 @@ pub(super) struct RunRecorder {
     sent: Vec<BufWriter<File>>,
     rtt: File,
     log_room: LogRoom,
-    /// Of a live run: what comes out is kept there until the next stop, and not in files.
+    /// For a live run: output is kept here until the next stop instead of in files.
     pub(super) stops: Option<Stops>,
-    /// Only where instructions are counted.
+    /// `None` unless instructions are counted.
     pub(super) blocks: Option<Blocks>,
     /// The host's devices, if it has any.
     pub(super) devices: Option<UnixStream>,
@@ -49,10 +49,10 @@ pub(super) struct RunRecorder {
 }
 
 impl RunRecorder {
-    /// Begins the files of the run.
+    /// Creates the files of the run.
     ///
     /// # Errors
-    /// One line: which file cannot be made.
+    /// One line: which file cannot be created.
     pub(super) fn new(folder: &Path, blocks: Option<Blocks>, stops: Option<Stops>) -> Result<Self, String> {
         let create = |name: &str| {
             let odd = |e: std::io::Error| format!("run directory {}: {name}: {e}", folder.display());
@@ -79,7 +79,7 @@ impl RunRecorder {
         }
     }
 
-    /// Puts what was said so far into the files.
+    /// Writes the output so far to the files.
     pub(super) fn flush(&mut self, log: &[u8]) {
         let log = self.log_room.take(log);
         if let Some(stops) = &mut self.stops {
@@ -92,7 +92,7 @@ impl RunRecorder {
         }
     }
 
-    /// Tells the host of a live run what came out since the last stop.
+    /// In a live run, sends the host the output since the last stop.
     pub(super) fn tell(&mut self, reached: Reached) {
         if let Some(stops) = &mut self.stops {
             stops.tell(reached);
@@ -100,13 +100,13 @@ impl RunRecorder {
         }
     }
 
-    /// Says how much of the log was not kept, if any.
+    /// Returns a line with the number of log bytes that were not kept, if any.
     pub(super) fn lost_log(&self) -> Option<String> {
         let LogRoom { lost, .. } = self.log_room;
         (lost > 0).then(|| format!("RTT the log is longer than {MOST_LOG} bytes: {lost} more are not kept"))
     }
 
-    /// Brings back what was overwritten in flash.
+    /// Restores the overwritten contents of flash.
     pub(super) fn restore_flash(&mut self, qemu: &Qemu) {
         while let Some((address, bytes)) = self.flash_before.pop() {
             qemu.poke(address, &bytes);
@@ -189,7 +189,7 @@ impl Exterior for Outside<'_> {
 
 /// Contents of RAM after power-up. On silicon they are unknown; here they are equal in every run.
 fn noise(bytes: usize) -> Vec<u8> {
-    // Xorshift (Marsaglia 2003), its first triple.
+    // Xorshift (Marsaglia 2003), with its first triple.
     let mut state = 0x2545_f491_u32;
     let mut next = || {
         state ^= state << 13;
@@ -200,7 +200,7 @@ fn noise(bytes: usize) -> Vec<u8> {
     (0..bytes).map(|_| (next() >> 16) as u8).collect()
 }
 
-/// A full disk ends the run: half a record would look like a whole one.
+/// Ends the run if a write failed: half a record would look like a whole one.
 pub(super) fn written(result: std::io::Result<()>) {
     if let Err(e) = result {
         qemu::exit(1, &format!("cannot write the run's files: {e}"));

@@ -8,7 +8,7 @@ const NAME: &[u8; 10] = b"SEGGER RTT";
 const BLOCK_BYTES: usize = 24 + 6 * 4;
 /// Read offset of channel 0 in the block.
 const READ_OFFSET: u32 = 40;
-/// A larger size is not a buffer's: that memory has not been set up yet.
+/// Largest size of a buffer. A larger value is memory that has not been set up yet.
 const MAX_BUFFER: u32 = 0x2_0000;
 
 /// Guest memory, as far as the log needs it.
@@ -17,13 +17,13 @@ pub(super) trait GuestMemory {
     fn write(&mut self, address: u32, bytes: &[u8]);
 }
 
-/// Where the image says how far it has written.
+/// Address of the image's write offset.
 pub(super) fn write_offset(block: u32) -> u32 {
     // The block of a foreign image may lie anywhere.
     block.wrapping_add(36)
 }
 
-/// Takes what is in the buffer, and tells the image so. `None` before the image has set up the block.
+/// Takes the bytes in the buffer, and advances the read offset. `None` before the image has set up the block.
 pub(super) fn drain(block: u32, memory: &mut impl GuestMemory) -> Option<Vec<u8>> {
     let mut bytes = [0; BLOCK_BYTES];
     memory.read(block, &mut bytes);
@@ -37,7 +37,7 @@ pub(super) fn drain(block: u32, memory: &mut impl GuestMemory) -> Option<Vec<u8>
     let mut take = |from: u32, to: u32| {
         let start = taken.len();
         taken.resize(start + (to - from) as usize, 0);
-        // The image may say any address.
+        // The buffer may be at any address.
         memory.read(buffer.wrapping_add(from), &mut taken[start..]);
     };
     if read < write {

@@ -1,5 +1,5 @@
-//! Tests that QEMU does what the overlay rests on, so that a QEMU that differs gives a clear line and not a
-//! wrong result.
+//! Tests that QEMU does what the overlay relies on, so that a QEMU that differs causes a clear error instead
+//! of a wrong result.
 
 use super::qemu::{Qemu, SPARE_LINE};
 use crate::chip::Chip;

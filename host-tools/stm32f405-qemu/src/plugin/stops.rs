@@ -1,12 +1,12 @@
-//! The stops of a live run: at a time that the host has said, the image stands still until the host says the
-//! next.
+//! The stops of a live run: at a time set by the host, the image stands still until the host sets the next
+//! one.
 //!
 //! # Design
 //! QEMU's virtual clock stands still while a callback runs, however long it takes. So the overlay asks to be
-//! called at the time of the stop, as for an interrupt, and then waits for the host inside that call. The
-//! image cannot tell.
+//! called at the time of the stop, as for an interrupt, and waits for the host inside that call. The image
+//! does not notice.
 //!
-//! A thread reads what the host says, here and in runs that are not live: it sees at once when the host is
+//! A thread reads the host's messages, also in runs that are not live, and notices at once when the host is
 //! gone.
 
 use std::fs::File;
@@ -26,12 +26,12 @@ pub(super) struct Stops {
     pub(super) sent: [Vec<u8>; USARTS.len()],
     pub(super) log: Vec<u8>,
     pub(super) calls: u64,
-    /// Instructions up to the last one.
+    /// Instructions executed up to the last stop.
     pub(super) instructions: u64,
 }
 
 impl Stops {
-    /// The first stop is at once. The sender is for [`listen`].
+    /// Begins with a stop at time 0. The sender is for [`listen`].
     pub(super) fn new() -> (Self, Sender<TimeStep>) {
         let (sender, steps) = channel();
         let stops = Self {
@@ -46,7 +46,7 @@ impl Stops {
         (stops, sender)
     }
 
-    /// Tells the host what came out since the last one, and forgets it.
+    /// Sends the host the output since the last stop, and clears it.
     pub(super) fn tell(&mut self, reached: Reached) {
         let mut bytes = Vec::new();
         let mut sent = Vec::new();
@@ -63,7 +63,7 @@ impl Stops {
         }
     }
 
-    /// Waits for the host. Gives what comes on the way to the next stop; none if the run ends here.
+    /// Waits for the host. Returns the inputs up to the next stop, or `None` if the run ends here.
     pub(super) fn wait(&mut self) -> Option<Inputs> {
         let step = self.steps.recv().unwrap_or_else(|_| without_host());
         self.at_ns = step.to_ns?;
@@ -71,7 +71,7 @@ impl Stops {
     }
 }
 
-/// The host is gone. The thread that listens to it ends QEMU.
+/// Blocks when the host is gone: the thread that listens to it ends QEMU.
 fn without_host() -> ! {
     loop {
         std::thread::park();

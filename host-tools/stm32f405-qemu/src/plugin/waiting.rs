@@ -1,17 +1,18 @@
-//! Loops that wait: how they are noticed, and how they are executed without QEMU.
+//! Detects loops that wait, and executes them without QEMU.
 //!
 //! # Design
 //!
-//! The processor may be in such a loop if it reads registers many times and writes none but those that move
-//! pins alone, if it branches for long without an access, or if it enters a handler again and again with no
-//! other in between: its interrupt may stay up. Then, between two instructions, the interpreter
-//! of [`thumb`](crate::thumb) takes over up to the next time at which an interrupt may come, and the
-//! processor stands still for as long. It executes the same instructions at the same virtual times, so when
-//! it takes over has no effect on the run. If it does not come far, the next try comes later.
+//! The processor may be in such a loop if it reads registers many times and writes only those that just move
+//! pins, if it branches for long without an access, or if it enters one handler again and again and no other
+//! in between, because the handler's interrupt stays up. Then, between two instructions, the interpreter of
+//! [`thumb`](crate::thumb) takes over until an interrupt may come, and the processor stands still meanwhile.
+//! The interpreter executes the same instructions at the same virtual times, so the moment at which it takes
+//! over has no effect on the run. If a try executes few instructions, the next one comes later.
 //!
-//! A handler that is left and entered again is followed only from its entry on, and past a write of BASEPRI
-//! only if its value is known. QEMU does not give that value. So the interpreter hands back before the return
-//! or the write, and takes over right after it ([`Watch::follow`]): then it knows.
+//! A handler that is left and entered again is interpreted only from its entry, and past a write of BASEPRI
+//! only if the register's value is known. QEMU does not provide that value. So the interpreter hands back
+//! before the return or the write, and takes over right after it ([`Watch::follow`]), when the value is
+//! known.
 
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, AtomicUsize, Ordering::Relaxed};
@@ -27,19 +28,19 @@ use crate::thumb::{Bus, HandBack, Interpreter, Loaded, Registers, Stored};
 /// The event register of WFE (ARMv7-M ARM, B1.5.18).
 pub(super) static EVENT: AtomicBool = AtomicBool::new(false);
 
-/// Reads, branches without an access, and entries to one handler, up to a try: at first, after a good one,
-/// and at most.
+/// Reads, branches without an access, and entries to one handler before a try: the first one, one after a
+/// success, and the most.
 const READS: [u32; 3] = [16, 2, 1 << 14];
 const BLOCKS: [u32; 3] = [500, 64, 1 << 20];
 const ENTRIES: [u32; 3] = [16, 2, 1 << 14];
-/// Most tries one right after the other: before two writes of BASEPRI, a return, and an entry.
+/// Most tries in a row: before two writes of BASEPRI, a return, and an entry.
 const FOLLOWED: u32 = 6;
 /// Words of memory that are compared at the end of a turn.
 const MOST_KEPT: usize = 64;
-/// Instructions with which a try was worth its time.
+/// Instructions that make a try worthwhile.
 const WORTHWHILE: u64 = 1000;
-/// Most instructions that are executed one by one: of a loop that reads registers, of one that does not,
-/// which QEMU executes faster unless its turns repeat, and of a handler.
+/// Most instructions that are executed one by one: of a loop that reads registers; of one that does not,
+/// which QEMU executes faster unless its turns repeat; and of a handler.
 const MOST_STEPS: [u64; 3] = [1 << 20, 2000, 1 << 20];
 
 /// Reason of a try.
@@ -47,11 +48,11 @@ const MOST_STEPS: [u64; 3] = [1 << 20, 2000, 1 << 20];
 pub(super) enum Reason {
     Reads,
     Blocks,
-    /// A handler that is entered again and again, or what follows an instruction that was handed back.
+    /// A handler that is entered again and again, or the code after an instruction that was handed back.
     Entries,
 }
 
-/// Tells when the processor may be waiting.
+/// Detects when the processor may be waiting.
 pub(super) struct Watch {
     reads: AtomicU32,
     reads_to_try: AtomicU32,
@@ -61,9 +62,9 @@ pub(super) struct Watch {
     entries_to_try: AtomicU32,
     /// The handler that was entered last, by the address of its count.
     handler: AtomicUsize,
-    /// A try is due for a handler.
+    /// True if a try is due for a handler.
     in_handler: AtomicBool,
-    /// A try comes after the next block.
+    /// True if a try is due after the next block.
     follows: AtomicBool,
     followed: AtomicU32,
     asked: AtomicBool,
@@ -84,14 +85,14 @@ pub(super) static WATCH: Watch = Watch {
 };
 
 impl Watch {
-    /// Counts. Only the processor's thread does so.
+    /// Increments a counter. Returns `true` if a try is due. Only the processor's thread may call this.
     fn count(&self, counter: &AtomicU32, to_try: &AtomicU32) -> bool {
         let n = counter.load(Relaxed).saturating_add(1);
         counter.store(n, Relaxed);
         n >= to_try.load(Relaxed) && !self.asked.swap(true, Relaxed)
     }
 
-    /// The processor reads a register, or moves pins. Gives whether it is time for a try.
+    /// Counts a read of a register, or a write that moves pins. Returns `true` if a try is due.
     pub(super) fn read(&self) -> bool {
         self.blocks.store(0, Relaxed);
         self.count(&self.reads, &self.reads_to_try)
@@ -102,7 +103,7 @@ impl Watch {
         self.reads.store(0, Relaxed);
     }
 
-    /// A block of instructions begins.
+    /// Counts a block of instructions. Returns `true` if a try is due.
     pub(super) fn block(&self, start: u32) -> bool {
         if self.follows.load(Relaxed) && start != WAITS_AT {
             self.follows.store(false, Relaxed);
@@ -113,7 +114,7 @@ impl Watch {
         self.count(&self.blocks, &self.blocks_to_try)
     }
 
-    /// A handler begins; the address of its count says which.
+    /// Counts an entry to a handler, given by the address of its count. Returns `true` if a try is due.
     pub(super) fn entry(&self, handler: usize) -> bool {
         if self.handler.swap(handler, Relaxed) != handler {
             self.entries.store(0, Relaxed);
@@ -125,7 +126,7 @@ impl Watch {
         due
     }
 
-    /// Asks for a try after the next block. Gives whether it will come: there are not many in a row.
+    /// Requests a try after the next block. Returns `false` if there were too many in a row.
     fn follow(&self) -> bool {
         let n = self.followed.load(Relaxed) + 1;
         self.followed.store(n, Relaxed);
@@ -134,7 +135,7 @@ impl Watch {
         follows
     }
 
-    /// A try begins. Gives its reason.
+    /// Begins a try. Returns its reason.
     pub(super) fn take(&self) -> Reason {
         self.asked.store(false, Relaxed);
         self.follows.store(false, Relaxed);
@@ -148,12 +149,12 @@ impl Watch {
         }
     }
 
-    /// A try could not be made.
+    /// Ends a try that could not be made.
     pub(super) fn in_vain(&self, reason: Reason) {
         self.result(reason, false);
     }
 
-    /// A try has executed instructions.
+    /// Ends a try that has executed instructions.
     pub(super) fn executed(&self, reason: Reason, executed: &Executed) {
         let follows = match executed.hands_back {
             Some(HandBack::BasePriority(value)) => {
@@ -175,7 +176,7 @@ impl Watch {
         }
     }
 
-    /// Sets the time of the next try.
+    /// Sets the count at which the next try is due.
     fn result(&self, reason: Reason, good: bool) {
         let (to_try, [first, again, most]) = match reason {
             Reason::Reads => (&self.reads_to_try, READS),
@@ -192,7 +193,7 @@ impl Watch {
     }
 }
 
-/// Value of BASEPRI, as far as it is known. The processor's thread alone asks and tells.
+/// Value of BASEPRI, if known. Only the processor's thread uses it.
 pub(super) struct BasePriority {
     known: AtomicU64,
     /// Address of the next instruction and the value that it writes.
@@ -204,12 +205,12 @@ pub(super) static BASE_PRIORITY: BasePriority = BasePriority {
     expected: AtomicU64::new(UNKNOWN),
 };
 
-/// No value of BASEPRI, and no address with a value.
+/// Marks an unknown value of BASEPRI, and the absence of an expected write.
 const UNKNOWN: u64 = u64::MAX;
 
 impl BasePriority {
-    /// QEMU is about to execute a write of this value. An instruction at which a handler begins may be
-    /// executed for another reason.
+    /// Expects QEMU to execute a write of this value next. Expects none where a handler begins, since an
+    /// instruction there may be executed for another reason.
     fn expect(&self, address: u32, value: u32) {
         if !handlers::begins_at(address) {
             let expected = u64::from(address) << 32 | u64::from(value & 0xff);
@@ -217,14 +218,14 @@ impl BasePriority {
         }
     }
 
-    /// A block begins. Only one that begins with the write will execute it with the value expected.
+    /// Drops the expected write unless the block begins with it: only then is it executed with that value.
     fn block(&self, start: u32) {
         if self.expected.load(Relaxed) >> 32 != u64::from(start) {
             self.expected.store(UNKNOWN, Relaxed);
         }
     }
 
-    /// QEMU executes a write at this address.
+    /// Records a write of BASEPRI by QEMU: its value is known if the write was expected.
     pub(super) fn written(&self, address: u32) {
         let expected = self.expected.swap(UNKNOWN, Relaxed);
         let is_expected = expected >> 32 == u64::from(address);
@@ -232,7 +233,7 @@ impl BasePriority {
         self.known.store(known, Relaxed);
     }
 
-    /// The processor was reset.
+    /// Forgets the value after a reset of the processor.
     pub(super) fn forget(&self) {
         self.known.store(UNKNOWN, Relaxed);
         self.expected.store(UNKNOWN, Relaxed);
@@ -248,12 +249,12 @@ pub(super) struct Surroundings<'a, 'b> {
     pub(super) machine: &'a mut Machine,
     pub(super) outside: &'a mut Outside<'b>,
     pub(super) qemu: &'a Qemu,
-    /// Where the image says how far it has logged: a write there is for QEMU, which then takes the log.
+    /// Address of the log's write offset: a write there is left to QEMU, which then takes the log.
     pub(super) log: Option<u32>,
-    /// After a block without an access, time of an access by the first instruction: QEMU may have begun that,
-    /// counted it, and been about to begin it anew.
+    /// Time of an access by the first instruction of a try that follows a block without an access: QEMU may
+    /// have begun that access, counted it, and been about to begin it anew.
     pub(super) repeats_at: Option<u64>,
-    /// One of that time was refused.
+    /// True if an access at that time was refused.
     pub(super) refused_begun: bool,
     /// Addresses at which faults and panics are noticed.
     pub(super) watched: [&'a [u32]; 2],
@@ -263,21 +264,21 @@ pub(super) struct Surroundings<'a, 'b> {
     pub(super) vectors: u32,
     /// True if a handler is about to begin.
     pub(super) at_entry: bool,
-    /// Time that is left to QEMU before an interrupt, ns.
+    /// Time before an interrupt that is left to QEMU, ns.
     pub(super) margin_ns: u64,
     pub(super) kept: KeptWords,
 }
 
-/// Words of memory as they were before they were first changed.
+/// Words of memory with their contents before the first change.
 #[derive(Debug, Default)]
 pub(super) struct KeptWords {
     words: Vec<(u32, u32)>,
-    /// There were more than there is room for, or something that is no word has changed.
+    /// True if the words did not fit, or if something other than words has changed.
     incomplete: bool,
 }
 
 impl KeptWords {
-    /// A word is about to change. Gives whether it is kept.
+    /// Keeps a word that is about to change. Returns `false` if that is not possible.
     fn keep(&mut self, address: u32, value: u32) -> bool {
         if self.incomplete || self.words.iter().any(|(kept, _)| *kept == address) {
             return !self.incomplete;
@@ -291,7 +292,7 @@ impl KeptWords {
 }
 
 impl Surroundings<'_, '_> {
-    /// The handler that a vector leads to.
+    /// First address of the handler of an exception.
     fn handler(&self, exception: u32) -> Option<u32> {
         let vector = self.vectors.checked_add(4 * exception)?;
         let handler = self.qemu.peek(vector, 4)?;
@@ -308,7 +309,7 @@ impl Surroundings<'_, '_> {
         begins.then_some(link)
     }
 
-    /// Returns `true` if QEMU may have begun an access of this time.
+    /// Returns `true` if QEMU may have begun an access at this time.
     fn is_begun(&mut self, now: u64) -> bool {
         let is_begun = self.repeats_at == Some(now);
         self.refused_begun |= is_begun;
@@ -326,7 +327,7 @@ impl Surroundings<'_, '_> {
 impl Bus for Surroundings<'_, '_> {
     fn fetch(&mut self, address: u32) -> Option<u16> {
         let watched = self.watched.iter().any(|addresses| addresses.contains(&address));
-        // Where a handler begins its entries are counted. Those that the interpreter makes are known.
+        // QEMU counts entries where a handler begins. Those that the interpreter makes are known.
         let begins =
             handlers::begins_at(address) && !(self.at_entry && handlers::count_at(address).is_some());
         if watched || begins || self.is_fenced(address, 2) {
@@ -411,7 +412,7 @@ impl Bus for Surroundings<'_, '_> {
             return None;
         }
         let (qemu, mut pends) = (self.qemu, false);
-        // A line that rises now, and waits for this handler to end, has no effect before.
+        // A line that rises now has no effect while it waits for this handler to end.
         let may_rise = |line: usize| {
             pends |= !priorities::is_pending(line, qemu);
             let number = line as u32 + FIRST_LINE;
@@ -465,15 +466,15 @@ pub(super) struct Executed {
     pub(super) registers: Registers,
     pub(super) now: u64,
     pub(super) instructions: u64,
-    /// True if the loop has no end of itself.
+    /// True if the loop cannot end by itself.
     pub(super) endless: bool,
-    /// Instruction for QEMU at which they ended, if the interpreter may go on after it.
+    /// Instruction handed back to QEMU, if the interpreter may continue after it.
     pub(super) hands_back: Option<HandBack>,
     /// True if a handler was left and entered again.
     entered_again: bool,
-    /// They ended at an access that QEMU may have begun.
+    /// True if execution ended at an access that QEMU may have begun.
     pub(super) refused_begun: bool,
-    /// Those that were executed one by one.
+    /// Instructions that were executed one by one.
     pub(super) stepped: u64,
     /// Addresses of instructions, with their counts.
     pub(super) counts: Vec<(u32, u64)>,

@@ -14,22 +14,22 @@ use super::error::RunError;
 /// The section with the cases, and the symbol with the version of their format.
 const SECTION: &str = ".embedded_test";
 const VERSION_SYMBOL: &str = "EMBEDDED_TEST_VERSION";
-/// The version that is known.
+/// The supported version.
 const VERSION: u32 = 1;
 
 /// A test case of an image.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct TestCase {
-    /// Its path, without the crate: `tests::it_adds`.
+    /// Path of the case, without the crate: `tests::it_adds`.
     pub name: String,
-    /// Address of its function.
+    /// Address of the case's function.
     pub address: u32,
-    /// True if it runs on request only.
+    /// True if the case runs only on request.
     pub ignored: bool,
-    /// True if it passes by a panic.
+    /// True if the case passes by panicking.
     pub should_panic: bool,
-    /// Its limit, in seconds.
+    /// Time limit of the case, in seconds.
     pub timeout_s: Option<u32>,
 }
 
@@ -44,7 +44,7 @@ struct Described {
     timeout: Option<u32>,
 }
 
-/// The test cases of an image, in the order of their names. `None` if it was not made with `embedded-test`.
+/// The test cases of an image, sorted by name. `None` if it was not made with `embedded-test`.
 ///
 /// # Errors
 /// [`RunError::ImageMissing`] and [`RunError::NotArmElf`]; the latter also for cases of another format.

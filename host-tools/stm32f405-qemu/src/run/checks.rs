@@ -1,4 +1,4 @@
-//! Checks of what a caller names: pins, USARTs, codes.
+//! Checks the names that a caller gives: pins, USARTs, codes.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -25,7 +25,7 @@ pub(super) fn check_pin(chip: Chip, name: &str) -> Result<(), RunError> {
     chip.has_pin(name).then_some(()).ok_or_else(missing)
 }
 
-/// Refuses an image that the part has no memory for.
+/// Refuses an image that does not fit the part's memory.
 pub(super) fn check_image(chip: Chip, image: &Image) -> Result<(), RunError> {
     let other = |why: String| Err(RunError::OtherPart(image.path.clone(), why));
     let (flash, sram, ccm) = (chip.flash(), chip.sram(), chip.ccm());
@@ -58,7 +58,7 @@ pub(super) fn check_image(chip: Chip, image: &Image) -> Result<(), RunError> {
     }
 }
 
-/// Addresses that parts have for flash, core-coupled memory and SRAM.
+/// Address ranges of flash, core-coupled memory and SRAM, on any part.
 const FLASH_SPACE: Range<u32> = 0x0800_0000..0x1000_0000;
 const CCM_SPACE: Range<u32> = 0x1000_0000..0x1fff_0000;
 const SRAM_SPACE: Range<u32> = 0x2000_0000..0x4000_0000;
@@ -76,7 +76,7 @@ pub(super) fn check_devices(chip: Chip, devices: &Devices) -> Result<(), RunErro
     for place in devices.places() {
         let (names, bus) = match place {
             DevicePlace::I2c { bus, address } => {
-                // Section 3.1.12 of the I2C specification (UM10204): the others are reserved.
+                // Section 3.1.12 of the I2C specification (UM10204): the other addresses are reserved.
                 if !(0x08..0x78).contains(address) {
                     return refused(format!(
                         "a device at {bus} has the address {address:#04x}; give one of 7 bits, 0x08 to 0x77"

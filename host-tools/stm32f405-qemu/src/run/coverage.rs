@@ -1,4 +1,4 @@
-//! Where runs leave the addresses that they executed, if the environment asks for them.
+//! Place of the executed addresses of runs, if the environment requests them.
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::PathBuf;
@@ -9,7 +9,7 @@ use super::error::{RunError, io};
 /// copy of its image.
 const NAME: &str = "STM32F405_QEMU_COVERAGE";
 
-/// The path of a run's file without its end, once the image lies beside it. `None` if nobody asks.
+/// The path of a run's file without its extension, with the image copied beside it. `None` if not requested.
 ///
 /// # Errors
 /// The folder cannot be written to.
@@ -23,7 +23,7 @@ pub(super) fn stem(image: &[u8]) -> Result<Option<PathBuf>, RunError> {
     let copy = stem.with_extension("elf");
     if !copy.exists() {
         let failed = io("cannot write to the folder that STM32F405_QEMU_COVERAGE names");
-        // Runs beside this one write the same bytes: the name is given to a whole file.
+        // Parallel runs write the same bytes, so the final name is given only to a complete file.
         let part = stem.with_extension(format!("{}.part", std::process::id()));
         std::fs::write(&part, image)
             .and_then(|()| std::fs::rename(&part, &copy))

@@ -1,4 +1,4 @@
-//! The host's end of the buses: it asks the devices of a run, in a thread of its own.
+//! The host's end of the buses: queries the devices of a run, in a thread of its own.
 
 use std::io::{BufReader, BufWriter};
 use std::os::unix::net::{UnixListener, UnixStream};
@@ -25,7 +25,7 @@ impl DeviceServer {
         if devices.is_empty() {
             return Ok(None);
         }
-        // An earlier QEMU of the run wanted another version of the overlay.
+        // The socket is left from an earlier QEMU of the run, which needed another version of the overlay.
         let _ = std::fs::remove_file(&path);
         let listener = UnixListener::bind(&path).map_err(io("cannot make the socket of the devices"))?;
         let devices = devices.clone();
@@ -41,10 +41,10 @@ impl DeviceServer {
         }))
     }
 
-    /// QEMU has ended.
+    /// Ends the thread, after QEMU has ended.
     ///
     /// # Panics
-    /// A device has panicked: with its panic.
+    /// A device has panicked: resumes that panic.
     pub(super) fn finish(mut self) {
         if let Some(Err(panic)) = self.join() {
             std::panic::resume_unwind(panic);
@@ -53,7 +53,7 @@ impl DeviceServer {
 
     fn join(&mut self) -> Option<std::thread::Result<()>> {
         let thread = self.thread.take()?;
-        // An overlay that never came leaves the thread at the door.
+        // If the overlay never connected, the thread still waits for it.
         drop(UnixStream::connect(&self.path));
         Some(thread.join())
     }

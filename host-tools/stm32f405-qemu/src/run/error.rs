@@ -1,4 +1,4 @@
-//! Why a run failed. Each error is one line: what failed, why, and what to do next.
+//! Errors of a run. Each is one line: the failure, its reason, and the next step.
 
 use std::path::PathBuf;
 use std::process::ExitStatus;
@@ -6,14 +6,14 @@ use std::time::Duration;
 
 use crate::outcome::{Outcome, UnknownRegister};
 
-/// Why [`Run::execute`](crate::Run::execute) gave no outcome.
+/// Error of [`Run::execute`](crate::Run::execute).
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RunError {
     /// The image at this path cannot be read.
     #[error("cannot read the firmware image {path}: {1}; build it first or name another", path = .0.display())]
     ImageMissing(PathBuf, #[source] std::io::Error),
-    /// The file at this path is not an ELF with something to load for a 32-bit ARM, but this.
+    /// The file at this path is not an ELF with something to load for a 32-bit ARM, for this reason.
     #[error("{path} is not an ARM firmware image ({1}); give the ELF that the thumbv7em build made", path = .0.display())]
     NotArmElf(PathBuf, String),
     /// The image at this path does not fit the run's part, for this reason.
@@ -36,7 +36,7 @@ pub enum RunError {
         "{0} was not found; install it with `apt-get install qemu-system-arm` (Debian or Ubuntu), or set STM32F405_QEMU to its path"
     )]
     QemuMissing(String),
-    /// The QEMU of this name runs, but the first line that it says has no version in it.
+    /// The QEMU of this name runs, but the first line of its output has no version in it.
     #[error(
         "`{0} --version` said {1:?}, which is no QEMU version; set STM32F405_QEMU to a qemu-system-arm of 7.2 or newer"
     )]
@@ -50,10 +50,10 @@ pub enum RunError {
     /// The file at this path is not the overlay, for this reason.
     #[error("{path} is not a usable overlay: {1}; build it again with `cargo build -p stm32f405-qemu`", path = .0.display())]
     OverlayOdd(PathBuf, String),
-    /// QEMU refused the overlay, or the overlay refused QEMU: the first line that says why.
+    /// QEMU refused the overlay, or the overlay refused QEMU: the first line of the reason.
     #[error("QEMU cannot load the overlay: {0}")]
     OverlayRefused(String),
-    /// The overlay panicked: where, and why.
+    /// The overlay panicked: the place and the reason.
     #[error("the overlay failed ({0}): this is a fault of the emulator; please report it with the image")]
     OverlayFailed(String),
     /// The overlay does not fit the inside of this QEMU: the check that failed.
@@ -65,25 +65,25 @@ pub enum RunError {
     #[error("QEMU ended with {0}: {1}")]
     Qemu(ExitStatus, String),
     /// QEMU ended in the middle of the run, by a signal for example: its exit status, and the first line on
-    /// its standard error. With what the run had given by then.
+    /// its standard error. Has the outcome up to then.
     #[error("QEMU ended{at}, before the run was over: {0}", at = .1.whereabouts())]
     QemuEnded(String, Box<Outcome>),
-    /// The run took longer than this in real time. With what it had given by then.
+    /// The run took longer than this in real time. Has the outcome up to then.
     #[error(
         "the run was stopped after {limit} s of real time{at}, {sent}{unknown}; give it a longer timeout, or look for a loop without WFI",
         limit = .0.as_secs_f64(), at = .1.whereabouts(), sent = seen(.1.uart.len()), unknown = unknown(.1)
     )]
     Timeout(Duration, Box<Outcome>),
-    /// The image does nothing but read a register that no model knows. With what it had given by then.
+    /// The image only reads a register that no model knows. Has the outcome up to then.
     #[error(
         "the image is stuck{at}, {sent}{unknown}; no model knows what it reads there",
         at = .0.whereabouts(), sent = seen(.0.uart.len()), unknown = unknown(.0)
     )]
     Stuck(Box<Outcome>),
-    /// QEMU ran longer than it was given, and did not say what it did.
+    /// QEMU ran longer than this, and did not report.
     #[error("QEMU was killed: it took more than {limit} s and did not report", limit = .0.as_secs_f64())]
     Silent(Duration),
-    /// The run's temporary files: what was being done, and why it failed.
+    /// Failure of the run's temporary files: the operation, and its error.
     #[error("{0}: {1}")]
     Io(&'static str, #[source] std::io::Error),
 }
@@ -98,7 +98,7 @@ impl RunError {
     }
 }
 
-/// The registers that no model knows, those read most first.
+/// The registers that no model knows, the most accessed first.
 fn unknown(outcome: &Outcome) -> String {
     let mut registers: Vec<_> = outcome.unknown_registers.iter().collect();
     registers.sort_by_key(|register| std::cmp::Reverse(register.reads + register.writes));

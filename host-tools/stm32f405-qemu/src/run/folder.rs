@@ -8,22 +8,22 @@ use std::sync::{Mutex, PoisonError};
 use super::error::{RunError, io};
 use crate::exchange;
 
-/// The directories that there are now.
+/// The directories of all current runs.
 static FOLDERS: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
-/// Removes the temporary files of all runs: for a program that is interrupted, and ends without an end of its
-/// runs. A QEMU that runs removes them when its host is gone, but there may be none yet.
+/// Removes the temporary files of all runs: for a program that is interrupted, and exits before its runs end.
+/// A running QEMU removes them when its host is gone, but none may have started yet.
 ///
-/// No run begins or ends after this: a thread that tries waits for the end of the program.
+/// No run begins or ends after this: a thread that tries blocks until the program exits.
 pub fn remove_temporary_files() {
     let folders = FOLDERS.lock().unwrap_or_else(PoisonError::into_inner);
-    // It stays locked.
+    // The mutex stays locked.
     for folder in ManuallyDrop::new(folders).drain(..) {
         exchange::remove(&folder);
     }
 }
 
-/// Why QEMU cannot be told of a directory, if so.
+/// Reason why QEMU would misread a directory's name, if so.
 fn misread(folder: &Path) -> Option<&'static str> {
     match folder.to_str() {
         None => Some("has a name that is not UTF-8"),
@@ -39,7 +39,7 @@ impl Drop for RunFolder {
     fn drop(&mut self) {
         let mut folders = FOLDERS.lock().unwrap_or_else(PoisonError::into_inner);
         folders.retain(|folder| folder != self.0.path());
-        // While it is locked: a program that is interrupted here leaves nothing either.
+        // The mutex is still locked: a program that is interrupted here leaves no files either.
         exchange::remove(self.0.path());
     }
 }
@@ -48,7 +48,7 @@ impl RunFolder {
     /// # Errors
     /// [`RunError::Io`], and [`RunError::Input`] where QEMU could not read the directory's name.
     pub(super) fn new() -> Result<Self, RunError> {
-        // Locked before: what is removed is all that there is.
+        // Locked first, so that `remove_temporary_files` misses no directory.
         let mut folders = FOLDERS.lock().unwrap_or_else(PoisonError::into_inner);
         let folder = tempfile::Builder::new()
             .prefix("stm32f405-qemu-")
@@ -79,7 +79,7 @@ impl RunFolder {
         String::from_utf8_lossy(&bytes).into_owned()
     }
 
-    /// The text in a file, which is empty after that. The other side appends to it.
+    /// Takes the text in a file, and empties the file. The other side appends to it.
     pub(super) fn take_text(&self, name: &str) -> String {
         let file = std::fs::OpenOptions::new()
             .read(true)

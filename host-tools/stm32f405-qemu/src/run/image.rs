@@ -44,7 +44,7 @@ pub(super) struct Image {
     pub(super) vectors: u32,
     /// Its segments: first address and length in memory.
     pub(super) segments: Vec<(u32, u32)>,
-    /// Where its stack begins, if it has a vector table.
+    /// Start of its stack, if it has a vector table.
     pub(super) stack: Option<u32>,
     /// Vectors 3 to 6: the handlers of faults.
     pub(super) fault_handlers: Vec<u32>,
@@ -73,7 +73,7 @@ impl Image {
                 object::SymbolKind::Text if symbol.size() > 0 => functions.push(Function {
                     // The alternate form leaves the hash out.
                     name: format!("{:#}", rustc_demangle::demangle(name)),
-                    // Bit 0 of a function's address says Thumb.
+                    // Bit 0 of a function's address marks Thumb code.
                     address: symbol.address() as u32 & !1,
                     bytes: symbol.size() as u32,
                 }),
@@ -81,7 +81,7 @@ impl Image {
                 _ => {}
             }
         }
-        // Where another program starts first, the image's table lies behind that.
+        // If another program starts first, the image's table lies behind it.
         let table = elf.section_by_name(".vector_table");
         let table = table.map(|section| section.address() as u32);
         let table = table.unwrap_or_else(|| first_segment(&elf));
@@ -137,7 +137,7 @@ impl Image {
         }
     }
 
-    /// Fills in the function around an address.
+    /// Sets the function around an address.
     pub(super) fn name(&self, place: &mut CodeAddress) {
         let within = |function: &&Function| {
             (function.address..function.address.saturating_add(function.bytes)).contains(&place.address)
@@ -179,7 +179,7 @@ impl Image {
     }
 }
 
-/// Where an image begins that does not say where its vectors are: in flash, if it has anything there.
+/// Start of an image that does not say where its vectors are: in flash, if it has anything there.
 fn first_segment(elf: &object::File<'_>) -> u32 {
     let starts: Vec<u32> = elf.segments().map(|segment| segment.address() as u32).collect();
     let lowest = starts.iter().copied().filter(|start| is_ram(*start, 8)).min();

@@ -1,4 +1,4 @@
-//! A run whose time passes as the host says.
+//! A run whose time the host advances.
 
 use std::time::Duration;
 
@@ -13,11 +13,10 @@ use crate::given::{Inputs, Run};
 use crate::machine::USARTS;
 use crate::outcome::{LogLine, Outcome, Sampling, StretchWork, Uart};
 
-/// An image whose virtual time passes only as far as it is told. Between two calls it stands still, however
-/// long.
+/// An image whose virtual time the host advances. Between two calls it stands still for any length of time.
 ///
 /// Equal inputs at equal virtual times give equal bytes, wherever the stops are and however long the host
-/// takes. What was handed over is kept nowhere, so a run may last for any time. Dropping it ends QEMU.
+/// takes. Output that was returned is not kept, so a run may last for any time. Dropping the run ends QEMU.
 ///
 /// ```no_run
 /// use stm32f405_qemu::{Inputs, Run, UartInput};
@@ -56,11 +55,11 @@ pub struct Passed {
     pub semihosting: String,
     /// The externally triggered scans since power-up. `None` before the first.
     pub sampling: Option<Sampling>,
-    /// When the last row of the stimulus ends, if the first has begun.
+    /// End of the last row of the stimulus, if the first row has begun.
     pub codes_until_ns: Option<u64>,
     /// Cost of this stretch.
     pub work: StretchWork,
-    /// True if the image has ended the run. [`Live::finish`] says how.
+    /// True if the image has ended the run. [`Live::finish`] returns the outcome.
     pub ended: bool,
 }
 
@@ -92,12 +91,12 @@ impl Live {
         self.reached.now_ns
     }
 
-    /// Lets time pass up to `to_ns`, with these inputs on the way. If the image ends the run before, time
-    /// stops there.
+    /// Advances time to `to_ns`, with these inputs on the way. If the image ends the run before, time stops
+    /// there.
     ///
     /// # Errors
-    /// [`RunError::Input`]: an input or `to_ns` is in the past, or something is asked for that the part does
-    /// not have. Then no time has passed. Else see [`RunError`].
+    /// [`RunError::Input`]: an input or `to_ns` is in the past, or an input is for something that the part
+    /// does not have. Then no time has passed. Otherwise see [`RunError`].
     pub fn advance(&mut self, to_ns: u64, inputs: Inputs) -> Result<Passed, RunError> {
         let now_ns = self.now_ns();
         if to_ns < now_ns {
@@ -115,7 +114,7 @@ impl Live {
         Ok(self.passed(report))
     }
 
-    /// Ends the run here. What was handed over before is not in the outcome.
+    /// Ends the run here. Output returned before is not in the outcome.
     ///
     /// # Errors
     /// See [`RunError`].
@@ -134,7 +133,7 @@ impl Live {
         if let Some(report) = self.running.next_stop(self.run.limit()) {
             return Ok(report);
         }
-        // It has ended, or takes too long, and is asked for its report now.
+        // QEMU has ended, or takes too long and is asked for its report now.
         self.reached.ended = true;
         let ended = self.job.end(self.running.take()?, Some(Duration::ZERO))?;
         let outcome = ended.outcome(&self.job.folder)?;
@@ -166,7 +165,7 @@ impl Live {
         passed
     }
 
-    /// Refuses what cannot come any more, and what there is not.
+    /// Refuses inputs that are in the past, and those for something that the part lacks.
     fn check(&self, inputs: &Inputs) -> Result<(), RunError> {
         let refused = |text: String| Err(RunError::Input(text));
         let now_ns = self.now_ns();

@@ -1,5 +1,5 @@
 //! The image's log. The bytes from RTT are decoded with the defmt strings in the image's own ELF. If an image
-//! has no defmt, or logs text in spite of it, its log is taken as lines of text.
+//! has no defmt, or logs text although it has, its log is read as lines of text.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ use crate::outcome::LogLine;
 
 /// # Errors
 /// [`RunError::Log`] if the image's records are of a version that the decoder does not know. Bytes that are
-/// not a frame (of a log that a reset has cut) are skipped if the encoding allows to find the next frame.
+/// not a frame (of a log cut by a reset) are skipped if the encoding allows finding the next frame.
 pub(super) fn decode(path: &Path, elf: &[u8], bytes: &[u8]) -> Result<Vec<LogLine>, RunError> {
     if bytes.is_empty() {
         Ok(Vec::new())
@@ -27,8 +27,8 @@ fn parse(path: &Path, elf: &[u8]) -> Result<Option<Table>, RunError> {
     Table::parse(elf).map_err(|e| RunError::Log(path.into(), e.to_string()))
 }
 
-/// Returns `true` if the image was linked with defmt's script, but logs nothing by it. The script leaves a
-/// byte in the section that would have the records.
+/// Returns `true` if the image was linked with defmt's script, but does not log with it. The script leaves a
+/// byte in the section for the records.
 fn has_no_records(elf: &[u8]) -> bool {
     let file = object::File::parse(elf).ok();
     file.and_then(|file| Some(file.section_by_name(".defmt")?.size()))
@@ -42,15 +42,15 @@ fn lines(table: Option<&Table>, bytes: &[u8]) -> Vec<LogLine> {
     }
 }
 
-/// A record without an end is taken as a line when it has this many bytes.
+/// Length at which a record without an end is taken as a line, in bytes.
 const LONGEST_RECORD: usize = 1 << 20;
 
 /// A log that comes in pieces.
 pub(super) struct Log {
     table: Option<Table>,
-    /// The beginning of a record, whose end has not come.
+    /// The beginning of an incomplete record.
     rest: Vec<u8>,
-    /// A frame of defmt has come: the byte that ends a line of text may lie in the middle of one.
+    /// True once a frame of defmt has arrived: it may contain the byte that ends a line of text.
     framed: bool,
 }
 
@@ -66,7 +66,7 @@ impl Log {
         })
     }
 
-    /// The records that end in these bytes.
+    /// Decodes the records that end in these bytes.
     pub(super) fn take(&mut self, bytes: &[u8]) -> Vec<LogLine> {
         self.rest.extend(bytes);
         self.framed |= self.table.is_some() && bytes.contains(&0);

@@ -1,4 +1,4 @@
-//! The shared object that QEMU loads: where it is, and how a copy of it is made for one version of QEMU.
+//! The shared object that QEMU loads: finds it, and makes a copy of it for one version of QEMU.
 
 use std::borrow::Cow;
 use std::env::consts::{DLL_PREFIX, DLL_SUFFIX};
@@ -12,21 +12,21 @@ use super::error::RunError;
 
 const VERSION_SYMBOL: &str = "qemu_plugin_version";
 
-/// The overlay that this program carries in itself.
+/// The overlay embedded in this program.
 static CARRIED: OnceLock<&'static [u8]> = OnceLock::new();
 
-/// Lets runs use this overlay: see [`carry_overlay!`](crate::carry_overlay).
+/// Makes runs use this overlay: see [`carry_overlay!`](crate::carry_overlay).
 #[doc(hidden)]
 pub fn carry(overlay: &'static [u8]) {
-    // An empty file stands for one that was not built: in `cargo check`.
+    // An empty file marks an overlay that was not built, in `cargo check`.
     if !overlay.is_empty() {
         CARRIED.get_or_init(|| overlay);
     }
 }
 
-/// Makes a program carry the overlay, so that it runs wherever it is copied to or installed. Call it first in
+/// Embeds the overlay in a program, so that it runs wherever it is copied to or installed. Call this first in
 /// `main`. The build script of the program's package sets `STM32F405_QEMU_BUILT` to the path of the overlay:
-/// that of this crate's own examples, `build.rs`, shows how.
+/// see `build.rs`, which does so for this crate's own examples.
 #[macro_export]
 macro_rules! carry_overlay {
     () => {
@@ -35,12 +35,12 @@ macro_rules! carry_overlay {
 }
 
 pub(super) struct OverlayFile {
-    /// Where it is from, for messages.
+    /// Origin of the bytes, for messages.
     place: PathBuf,
     bytes: Cow<'static, [u8]>,
 }
 
-/// The overlay: the one named, else what `STM32F405_QEMU_OVERLAY` names, else what this program carries, else
+/// Finds the overlay: the one named, else the one in `STM32F405_QEMU_OVERLAY`, else the embedded one, else
 /// the newest build in some folders. These are the folder of this executable, its `deps` folder (where cargo
 /// puts the overlay), the folder above (for tests, which run from `deps`) and the `deps` folder there (for
 /// examples).
@@ -103,7 +103,7 @@ fn find_file(named: Option<PathBuf>) -> Result<PathBuf, RunError> {
     found.ok_or(RunError::OverlayMissing(file, looked))
 }
 
-/// The overlay's bytes with its `qemu_plugin_version` set. QEMU loads only what was built for its own
+/// The overlay's bytes with its `qemu_plugin_version` set. QEMU loads only a plugin built for its own
 /// interface version. The functions used are the same in all versions.
 ///
 /// # Errors
@@ -118,7 +118,7 @@ pub(super) fn with_version(overlay: &OverlayFile, version: i32) -> Result<Vec<u8
     Ok(bytes)
 }
 
-/// Where in the file the version constant lies.
+/// Position of the version constant in the file.
 fn version_offset(bytes: &[u8]) -> Result<usize, String> {
     let file = object::File::parse(bytes).map_err(|e| e.to_string())?;
     let symbol = file.dynamic_symbols().find(|s| s.name() == Ok(VERSION_SYMBOL));

@@ -1,4 +1,4 @@
-//! QEMU as a process: how it is started with the overlay, and how it has ended.
+//! QEMU as a process: starts it with the overlay, and interprets its end.
 
 use std::ffi::OsString;
 use std::fs::File;
@@ -23,14 +23,14 @@ pub(super) struct QemuJob {
     pub(super) qemu: FoundQemu,
     pub(super) overlay: OverlayFile,
     pub(super) folder: RunFolder,
-    /// They come after the usual ones.
+    /// Arguments after the usual ones.
     pub(super) arguments: Vec<OsString>,
     pub(super) shift: u8,
     pub(super) devices: Devices,
 }
 
 impl QemuJob {
-    /// Runs QEMU to its end. If it wants another version of the overlay than expected, it is started once
+    /// Runs QEMU to its end. If it requires another version of the overlay than expected, it is started once
     /// more with that version.
     ///
     /// # Errors
@@ -86,13 +86,13 @@ impl QemuJob {
             .args(["-M", "netduinoplus2", "-icount"])
             .arg(format!("shift={},sleep=off", self.shift))
             .args(["-nographic", "-monitor", "none", "-serial", "none", "-plugin"])
-            // Without `file=` QEMU takes a path with an equals sign for another option.
+            // Without `file=` QEMU reads a path with an equals sign as another option.
             .arg(format!("file={plugin},run={run}"))
             .args(&self.arguments)
-            // Ctrl-C at a terminal goes to the whole group of the program in front. It is for the host to say
-            // what becomes of the run.
+            // Ctrl-C at a terminal goes to the whole foreground group. The host decides what happens to the
+            // run.
             .process_group(0)
-            // The overlay watches the other end: a QEMU whose host is gone ends.
+            // The overlay watches the other end, and ends QEMU when the host is gone.
             .stdin(Stdio::piped())
             .stdout(stdout)
             .stderr(stderr)
@@ -116,7 +116,7 @@ impl QemuJob {
 /// A QEMU that runs live. It ends when this is dropped.
 pub(super) struct QemuProcess {
     child: Option<Child>,
-    /// It ends after the child.
+    /// Dropped after the child.
     _server: Option<DeviceServer>,
     reports: Receiver<StopReport>,
 }
@@ -149,7 +149,7 @@ impl QemuProcess {
         }
     }
 
-    /// Says how far time goes next. A QEMU that is gone is seen by [`next_stop`](Self::next_stop).
+    /// Sends the next step of time. [`next_stop`](Self::next_stop) notices if QEMU is gone.
     pub(super) fn say(&mut self, step: &TimeStep, rows: &[[u16; 4]]) {
         if let Some(to) = self.child.as_mut().and_then(|child| child.stdin.as_mut()) {
             let said = to
@@ -159,10 +159,10 @@ impl QemuProcess {
         }
     }
 
-    /// Its process, which the caller ends.
+    /// Takes the process, for the caller to end.
     ///
     /// # Errors
-    /// It has been ended.
+    /// The process has been taken before.
     pub(super) fn take(&mut self) -> Result<Child, RunError> {
         let child = self.child.take();
         child.ok_or_else(|| RunError::Input("the run has failed, and is over".into()))
@@ -172,7 +172,7 @@ impl QemuProcess {
 impl Drop for QemuProcess {
     fn drop(&mut self) {
         if let Some(mut child) = self.child.take() {
-            // One that has ended by itself cannot be killed.
+            // A process that has ended by itself cannot be killed.
             let _ = child.kill();
             let _ = child.wait();
         }
@@ -192,12 +192,12 @@ impl Ended {
         Some(CodeAddress::from(u32::from_str_radix(value.get(..8)?, 16).ok()?))
     }
 
-    /// The version of the overlay that it wants, if it refused this one.
+    /// The version of the overlay that QEMU requires, if it refused this one.
     fn other_version(&self, version: i32) -> Option<i32> {
         wanted_version(&self.stderr).filter(|other| *other != version)
     }
 
-    /// Why it ended before the run began.
+    /// Reason why QEMU ended before the run began.
     fn failure(&self, folder: &RunFolder, limit: Option<Duration>) -> RunError {
         match (self.outcome(folder), limit) {
             (Err(error), _) => error,
@@ -221,7 +221,7 @@ impl Ended {
                 RunError::Qemu(self.status, why)
             })?;
             let end = match outcome.end {
-                // An image that ends itself does so without a word.
+                // An image that ends itself causes no message.
                 RunEnd::Exited(_) if first("terminating on signal").is_none() => {
                     RunEnd::Exited(self.status.code().unwrap_or(-1))
                 }
@@ -229,7 +229,7 @@ impl Ended {
                     RunEnd::QemuEnded(format!("{}: {}", self.status, any()))
                 }
                 RunEnd::LockedUp(_) if first("Lockup").is_some() => RunEnd::LockedUp(self.program_counter()),
-                // QEMU gave up for a reason of its own.
+                // QEMU aborted for another reason.
                 RunEnd::LockedUp(_) => return Err(RunError::Qemu(self.status, any())),
                 end => end,
             };
@@ -248,7 +248,7 @@ impl Ended {
     }
 }
 
-/// Where the overlay panicked, without its folder, and why.
+/// Place of the overlay's panic, without its folder, and the reason.
 fn panic(stderr: &str) -> Option<String> {
     let (_, told) = stderr.split_once("panicked at ")?;
     let mut lines = told.lines();
@@ -260,7 +260,7 @@ fn panic(stderr: &str) -> Option<String> {
 /// Time-out of QEMU's report, once requested.
 const TO_REPORT: Duration = Duration::from_secs(10);
 
-/// Its exit status. At the limit it is asked for its report.
+/// Waits for the exit status. At the limit QEMU is asked for its report.
 fn wait(mut child: Child, limit: Option<Duration>) -> Result<ExitStatus, RunError> {
     let mut asked = false;
     let mut deadline = limit.map(|limit| Instant::now() + limit);

@@ -1,4 +1,4 @@
-//! Finds QEMU, and the plugin interface version that it asks for.
+//! Finds QEMU, and the plugin interface version that it requires.
 
 use std::collections::HashMap;
 use std::ffi::{OsStr, OsString};
@@ -18,7 +18,7 @@ const TO_ANSWER: Duration = Duration::from_secs(10);
 pub(super) struct FoundQemu {
     pub(super) program: OsString,
     version: (u32, u32),
-    /// The line that says it.
+    /// The line with the version.
     said: String,
 }
 
@@ -37,7 +37,7 @@ impl FoundQemu {
     /// # Errors
     /// [`RunError::QemuMissing`], [`RunError::QemuUnusable`] and [`RunError::QemuVersion`].
     pub(super) fn find(named: Option<&Path>) -> Result<Self, RunError> {
-        /// Those that have answered this process: to ask takes a sixth of the time of a short run.
+        /// QEMUs that have answered this process: a query takes a sixth of the time of a short run.
         static ANSWERED: LazyLock<Mutex<HashMap<OsString, FoundQemu>>> = LazyLock::new(Mutex::default);
         let named = named.map(|path| path.as_os_str().to_owned());
         let program = named.or_else(|| std::env::var_os("STM32F405_QEMU"));
@@ -69,7 +69,7 @@ impl FoundQemu {
         })
     }
 
-    /// The plugin interface version of this QEMU, as far as it is known.
+    /// The plugin interface version of this QEMU, as far as known.
     ///
     /// 7.2, 10.0 and 11.1 were tried. The rest follows QEMU's release notes. QEMU takes a range of versions.
     /// If it refuses this one, it names the nearest that it takes: [`wanted_version`].
@@ -86,11 +86,10 @@ impl FoundQemu {
     }
 }
 
-/// The oldest that the overlay fits.
+/// Oldest version that the overlay fits.
 const OLDEST: (u32, u32) = (7, 2);
 
-/// The first line that a program says when it is asked for its version. `None` if it takes longer than the
-/// limit.
+/// The first line of a program's version output. `None` if it takes longer than the limit.
 fn first_line(program: &OsStr, limit: Duration) -> Result<Option<String>, RunError> {
     let mut child = Command::new(program)
         .arg("--version")
@@ -101,22 +100,22 @@ fn first_line(program: &OsStr, limit: Duration) -> Result<Option<String>, RunErr
         .map_err(|error| cannot_run(program, &error))?;
     let stdout = child.stdout.take();
     let (sender, answer) = channel();
-    // A child of the program may keep its output open for ever. Then this thread stays, too.
+    // A child of the program may keep its output open for ever. Then this thread stays too.
     std::thread::spawn(move || {
         let mut said = Vec::new();
         let stdout = stdout.expect("its output was piped");
-        // Much longer than a version. What cannot be read is no version.
+        // Much longer than a version. Unreadable output is no version.
         let _ = BufReader::new(stdout.take(4096)).read_until(b'\n', &mut said);
         sender.send(said)
     });
     let said = answer.recv_timeout(limit).ok();
-    // One that has ended cannot be killed.
+    // A process that has ended cannot be killed.
     let _ = child.kill();
     let _ = child.wait();
     Ok(said.map(|said| String::from_utf8_lossy(&said).trim_end().to_owned()))
 }
 
-/// A program in QEMU's place does not start.
+/// Error for a program in QEMU's place that does not start.
 pub(super) fn cannot_run(program: &OsStr, error: &io::Error) -> RunError {
     let shown = program.to_string_lossy().into_owned();
     match error.kind() {
@@ -125,7 +124,7 @@ pub(super) fn cannot_run(program: &OsStr, error: &io::Error) -> RunError {
     }
 }
 
-/// From `QEMU emulator version 7.2.22 (Debian …)`.
+/// Parses `QEMU emulator version 7.2.22 (Debian …)`.
 fn version(line: &str) -> Option<(u32, u32)> {
     let rest = line.strip_prefix("QEMU emulator version ")?;
     let mut parts = rest.split_whitespace().next()?.split('.');
@@ -178,7 +177,7 @@ mod tests {
     fn a_program_that_says_nothing_is_given_up() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("hangs.sh");
-        // Another process writes it: what this one has open for writing cannot be executed.
+        // Another process writes it: a file that this process has open for writing cannot be executed.
         let write = r#"printf '#!/bin/sh\nexec sleep 60\n' > "$0" && chmod +x "$0""#;
         let written = Command::new("sh").args(["-c", write]).arg(&path).status();
         assert!(written.unwrap().success());

@@ -2,7 +2,7 @@
 
 use crate::outcome::Uart;
 
-/// Reads its records: see [`sent`](crate::exchange::sent).
+/// Reads the records of a USART: see [`sent`](crate::exchange::sent).
 pub(super) fn read(port: &str, records: &[u8]) -> Uart {
     let mut uart = Uart {
         port: port.into(),

@@ -15,7 +15,7 @@ impl Time {
     fn of(number: f64, unit: f64) -> Option<Self> {
         let seconds = number * unit;
         let fits = (0.0..LONGEST_S).contains(&seconds);
-        // Units are powers of ten: a division loses less than a product with a fraction.
+        // Units are powers of ten: a division loses less precision than a product with a fraction.
         fits.then(|| Self((number / (1e-9 / unit)).round() as u64))
     }
 }

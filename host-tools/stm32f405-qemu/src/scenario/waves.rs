@@ -8,7 +8,7 @@ use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::record::Field;
 use serde::Deserialize;
 
-/// Full scale of the converter, and the voltage that is it.
+/// Full scale of the converter, in codes and in volts.
 const FULL_SCALE: f64 = 4095.0;
 const REFERENCE_V: f64 = 3.3;
 
@@ -23,11 +23,11 @@ pub(super) enum Unit {
     Volts,
 }
 
-/// Values at even times.
+/// Values at a constant interval.
 #[derive(Debug)]
 pub(super) struct Wave {
     values: Vec<f64>,
-    /// As the file has it, if it does.
+    /// Interval from the file, if it has one.
     pub(super) period_ns: Option<u64>,
 }
 
@@ -37,7 +37,7 @@ impl Wave {
         let kind = path.extension().and_then(|kind| kind.to_str()).unwrap_or("");
         match kind.to_ascii_lowercase().as_str() {
             "csv" => of_csv(path, column),
-            // Its reader panics at some files that are damaged.
+            // The reader panics on some damaged files.
             "parquet" => catch_unwind(|| of_parquet(path, column))
                 .unwrap_or_else(|_| Err(format!("cannot read {}: it is damaged", path.display()))),
             "wav" => of_wav(path, channel.unwrap_or(1)),
@@ -48,7 +48,7 @@ impl Wave {
         }
     }
 
-    /// Its codes: of `offset` + `gain` times each value, in this unit.
+    /// The wave's codes: of `offset` + `gain` times each value, in this unit.
     pub(super) fn codes(&self, unit: Unit, gain: f64, offset: f64) -> Result<Vec<u16>, String> {
         if self.values.is_empty() {
             return Err("it has no values".into());
@@ -72,8 +72,8 @@ fn unreadable(path: &Path, error: impl std::fmt::Display) -> String {
     format!("cannot read {}: {error}", path.display())
 }
 
-/// Places of the columns of a table that has these names: that of the values, and that of the times in
-/// seconds, `t`, if there is one.
+/// Positions of two columns in a table with these names: the values, and the times in seconds, `t`, if there
+/// is such a column.
 fn columns(names: &[&str], column: Option<&str>) -> Result<(usize, Option<usize>), String> {
     let place = |wanted: &str| names.iter().position(|name| *name == wanted);
     let listed = || names.join(", ");
@@ -92,7 +92,7 @@ fn columns(names: &[&str], column: Option<&str>) -> Result<(usize, Option<usize>
     Ok((of_values, place("t")))
 }
 
-/// The columns are those of the schema, which are numbers without an inner structure.
+/// Reads a Parquet file. Its columns are those of the schema, and hold numbers without an inner structure.
 fn of_parquet(path: &Path, column: Option<&str>) -> Result<Wave, String> {
     let refused = |error: parquet::errors::ParquetError| unreadable(path, error);
     let file = File::open(path).map_err(|error| unreadable(path, error))?;
@@ -131,7 +131,7 @@ fn number_of(field: &Field) -> Option<f64> {
     })
 }
 
-/// The first line has the names of the columns. A column `t` has the times, in seconds.
+/// Reads a CSV file. The first line has the names of the columns. A column `t` has the times, in seconds.
 fn of_csv(path: &Path, column: Option<&str>) -> Result<Wave, String> {
     let mut reader = csv::Reader::from_path(path).map_err(|error| unreadable(path, error))?;
     let header = reader.headers().map_err(|error| unreadable(path, error))?.clone();
@@ -153,7 +153,7 @@ fn of_csv(path: &Path, column: Option<&str>) -> Result<Wave, String> {
     Ok(Wave { values, period_ns })
 }
 
-/// The time from value to value. They are to be even within a tenth of it.
+/// Time from value to value. Each interval must be within a tenth of the mean.
 fn period(times: &[f64]) -> Result<Option<u64>, String> {
     let [first, .., last] = times else { return Ok(None) };
     let period = (last - first) / (times.len() - 1) as f64;
@@ -164,7 +164,7 @@ fn period(times: &[f64]) -> Result<Option<u64>, String> {
     Ok(Some((period * 1e9).round() as u64))
 }
 
-/// Full scale is 1.
+/// Reads a channel of a WAV file. Full scale is 1.
 fn of_wav(path: &Path, channel: u16) -> Result<Wave, String> {
     let refused = |error: hound::Error| unreadable(path, error);
     let mut reader = hound::WavReader::open(path).map_err(refused)?;

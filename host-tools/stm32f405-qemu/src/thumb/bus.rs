@@ -6,25 +6,25 @@ use crate::ramp::Ramp;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Loaded {
     pub(crate) value: u32,
-    /// The time up to which another read gives the same, if memory is not written.
+    /// The time up to which another read returns the same, if memory is not written.
     pub(crate) holds_until: u64,
-    /// How it counts, if it does.
+    /// The ramp of a word that counts.
     pub(crate) ramp: Option<Ramp>,
 }
 
 /// A write that has been made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Stored {
-    /// It has changed something of which [`Bus::is_as_kept`] does not know.
+    /// True if the write changed something that [`Bus::is_as_kept`] does not check.
     pub(crate) changed: bool,
     /// The time up to which everything that was read keeps its value, if memory is not written.
     pub(crate) holds_until: u64,
-    /// The time before which instructions have to begin from now on.
+    /// The time before which instructions must begin from now on.
     pub(crate) limit: u64,
 }
 
 impl Stored {
-    /// Nothing has changed that anybody has to know of.
+    /// A write of which nothing has to be known.
     pub(crate) const QUIETLY: Self = Self {
         changed: false,
         holds_until: u64::MAX,
@@ -32,7 +32,7 @@ impl Stored {
     };
 }
 
-/// The memory and registers around the processor. An access that it refuses has had no effect.
+/// The memory and registers around the processor. A refused access has no effect.
 pub(crate) trait Bus {
     /// A halfword of code.
     fn fetch(&mut self, address: u32) -> Option<u16>;
@@ -46,7 +46,7 @@ pub(crate) trait Bus {
     /// Returns `true` if `store` will accept 1, 2 or 4 bytes there at this time.
     fn accepts(&self, address: u32, bytes: u32, now: u64) -> bool;
 
-    /// Writes them.
+    /// Writes 1, 2 or 4 bytes.
     fn store(&mut self, address: u32, bytes: u32, value: u32, now: u64) -> Stored;
 
     /// Writes a register that `accepts` knows nothing of, while an exception is handled.
@@ -66,8 +66,8 @@ pub(crate) trait Bus {
     /// Returns `true` if memory and registers are as they were at the last [`Self::keep`].
     fn is_as_kept(&self) -> bool;
 
-    /// The address of the handler of an exception, if a return from it would enter it again at once, with the
-    /// masks of interrupts as they were when it was entered.
+    /// The address of an exception's handler, if a return from it would enter it again at once, given the
+    /// interrupt masks as they were at its entry.
     fn enters_again(&self, _exception: u32) -> Option<u32> {
         None
     }

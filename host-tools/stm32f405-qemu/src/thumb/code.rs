@@ -19,9 +19,9 @@ pub(super) struct Fetched {
 
 /// The instructions that were fetched, one at most for each place.
 pub(super) struct Code {
-    /// Numbers of instructions.
+    /// Numbers of instructions in `fetched`.
     places: Box<[u16]>,
-    /// The first is none.
+    /// The first stands for no instruction.
     fetched: Vec<Fetched>,
     /// Addresses of the first instruction and of the last one.
     ends: [u32; 2],
@@ -63,8 +63,8 @@ impl Code {
         self.fetched[number].executed += 1;
     }
 
-    /// Fetches the instruction at an address by its halfwords. `None` if that is refused, or if another one
-    /// with counts is at its place.
+    /// Fetches the instruction at an address by its halfwords. `None` if a halfword is refused, or if
+    /// another instruction that was counted is at its place.
     pub(super) fn fetch(&mut self, pc: u32, mut half: impl FnMut(u32) -> Option<u16>) -> Option<()> {
         if self.at(pc).executed > 0 || pc & 1 == 1 {
             return None;
@@ -112,12 +112,12 @@ impl Code {
         executed.map(|fetched| (fetched.at, fetched.executed))
     }
 
-    /// How often each was executed, in the order in which they were fetched first.
+    /// Counts of executions, in the order in which the instructions were first fetched.
     pub(super) fn counts(&self) -> Vec<u64> {
         self.fetched.iter().map(|fetched| fetched.executed).collect()
     }
 
-    /// Counts what was executed since these counts for a number of further times.
+    /// Counts everything that was executed since `before` for `times` more times.
     pub(super) fn count_again(&mut self, before: &[u64], times: u64) {
         for (fetched, before) in self.fetched.iter_mut().zip(before) {
             fetched.executed += (fetched.executed - before) * times;

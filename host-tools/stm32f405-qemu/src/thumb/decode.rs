@@ -53,7 +53,7 @@ pub(super) struct Datum {
 pub(super) enum Place {
     /// A literal.
     Absolute(u32),
-    /// Base, offset, and if the base takes the new address: before or after the access.
+    /// Base and offset. `index`: the access is at their sum. `write_back`: the base becomes their sum.
     Offset {
         base: u8,
         offset: u32,
@@ -508,7 +508,7 @@ pub(super) fn wide(first: u16, second: u16, at: u32) -> Option<Instruction> {
     }
 }
 
-/// Data processing with flags on request.
+/// Data processing that may set flags.
 fn modified(a: u32, b: u32, second: Operand) -> Option<Instruction> {
     let (first, to, sets) = (any(a, 0), any(b, 8), is_set(a, 4));
     if let Operand::Register(SP | PC, _) = second {
@@ -674,7 +674,7 @@ fn single(a: u32, b: u32, at: u32) -> Option<Instruction> {
         2 => 4,
         _ => return None,
     };
-    // A load to PC is a jump, or a hint where it is none of a word.
+    // A load to PC is a jump if it loads a word, else a hint.
     if r == PC {
         return None;
     }

@@ -6,15 +6,15 @@ use super::processor::{HandBack, Processor, Step};
 use super::registers::{LR, PC, Registers};
 use super::trace::Trace;
 
-/// Turns to the first that is traced, and from that to the second.
+/// Turns before the first trace, and from there to the second.
 const FIRST_TRACE: [u32; 2] = [4, 16];
-/// Most turns from one that is traced in vain to the next.
+/// Most turns from a trace in vain to the next.
 const LAST_TRACE: u32 = 1 << 14;
-/// Most instructions of a turn that is traced.
+/// Most instructions in a traced turn.
 const LONGEST_TURN: u64 = 64;
 /// Turns that are executed one by one after others were counted.
 const EXECUTED: u64 = 2;
-/// Turns whose counting saves more than the trace costs.
+/// Least number of turns whose counting saves more than the trace costs.
 const WORTHWHILE: u64 = 8;
 
 /// A processor in a loop.
@@ -23,11 +23,11 @@ pub(crate) struct Interpreter<'a, B> {
     code: Code,
     /// Executed instructions.
     pub(crate) instructions: u64,
-    /// True if the last turns that were counted repeat without an end of themselves.
+    /// True if the turns counted last would repeat without end.
     pub(crate) endless: bool,
-    /// Instruction for QEMU that the last run ended at, if it may go on after it.
+    /// Instruction for QEMU at which the last run ended, if the interpreter may go on after it.
     pub(crate) hands_back: Option<HandBack>,
-    /// Turns to the next one that is traced, and from that to the one after it if it gives nothing.
+    /// Turns to the next trace, and from there to the following one if the next is in vain.
     turns_to_trace: [u32; 2],
 }
 
@@ -37,7 +37,7 @@ impl<'a, B: Bus> Interpreter<'a, B> {
         self.processor.entered_again
     }
 
-    /// Begins at a time. `entered_with` is the link register if a handler is about to begin.
+    /// Begins at `now`. `entered_with` is the link register if a handler is about to begin.
     pub(crate) fn new(
         registers: Registers,
         now: u64,
@@ -65,8 +65,8 @@ impl<'a, B: Bus> Interpreter<'a, B> {
         self.processor.now
     }
 
-    /// Executes instructions that begin before `until`, `most` at most; turns that repeat are counted at once
-    /// and are not part of these. Gives how many those are.
+    /// Executes at most `most` instructions that begin before `until`, and returns their number. Repeated
+    /// turns are counted at once and are not included.
     pub(crate) fn run(&mut self, until: u64, most: u64) -> u64 {
         let mut stepped = 0;
         self.processor.limit = until;
@@ -123,7 +123,7 @@ impl<'a, B: Bus> Interpreter<'a, B> {
         self.code.executed()
     }
 
-    /// A branch backwards: counts the turns that repeat. Gives whether this one does.
+    /// Counts the turns that repeat after a branch backwards. Returns `true` if this one does.
     fn repeat(&mut self) -> bool {
         let Some(turn) = self.processor.branch(self.instructions) else {
             return false;
@@ -131,23 +131,23 @@ impl<'a, B: Bus> Interpreter<'a, B> {
         let end = turn.holds_until.min(self.processor.limit);
         let turns = (end - 1).saturating_sub(self.processor.now) / turn.ns;
         self.processor.turns.restart();
-        // An interrupt that stays up is no end, but none of the kind for which a run is stopped.
+        // Re-entries of a handler do not end either, but a run is not stopped for them.
         self.endless = turn.holds_until == u64::MAX && !self.processor.entered_again;
         if turns == 0 {
             return true;
         }
-        // One of them is executed here, so that each instruction is counted as often as it comes in a turn.
+        // One turn is executed here, to find how often each instruction occurs in a turn.
         let before = self.code.counts();
         let instructions = self.instructions;
         while self.instructions < instructions + turn.instructions {
             let done = self.instructions;
             self.run_one();
             if self.instructions == done {
-                // The bus has refused what it gave a turn before.
+                // The bus refuses an access that it allowed a turn before.
                 return true;
             }
         }
-        // It may have written a register, and with that an interrupt may come earlier.
+        // The turn may have written a register, so that an interrupt may come earlier.
         let end = end.min(self.processor.limit);
         let left = (end - 1).saturating_sub(self.processor.now) / turn.ns;
         self.code.count_again(&before, left);
@@ -156,7 +156,7 @@ impl<'a, B: Bus> Interpreter<'a, B> {
         true
     }
 
-    /// A branch backwards, after which nothing repeats. Returns `true` if it is time to trace a turn.
+    /// Counts a branch backwards at which nothing repeats. Returns `true` if it is time to trace a turn.
     fn is_trace_due(&mut self) -> bool {
         if !self.processor.counted {
             return false;
@@ -165,8 +165,8 @@ impl<'a, B: Bus> Interpreter<'a, B> {
         self.turns_to_trace[0] == 0
     }
 
-    /// Traces a turn, and counts those that follow it and differ in counters alone, if another `most`
-    /// instructions can be executed after them.
+    /// Traces a turn, and counts the turns after it that differ only in counters, if `most` instructions
+    /// suffice to execute the last of them.
     fn leap(&mut self, most: u64) {
         let again = self.turns_to_trace[1];
         self.turns_to_trace = match self.trace(most) {
@@ -206,7 +206,7 @@ impl<'a, B: Bus> Interpreter<'a, B> {
         let reach = trace.reach(&start, &self.processor.registers)?;
         let (ns, length) = (self.processor.now - began, self.instructions - instructions);
         let left = (reach.holds_until.min(until) - 1).saturating_sub(self.processor.now);
-        // The last of them are executed here, so that all registers are as after them.
+        // The last turns are left to be executed, so that all registers are right after them.
         let turns = (left.min(reach.shift) / ns).saturating_sub(EXECUTED);
         if turns < WORTHWHILE || length * (EXECUTED + 1) > most {
             return None;

@@ -28,11 +28,11 @@ pub(super) struct Processor<'a, B> {
     entered_with: Option<u32>,
     /// True if a handler was left and entered again.
     pub(super) entered_again: bool,
-    /// Instruction that was refused last, if it is one after which more is known.
+    /// Instruction that was refused last, if the interpreter may go on after it.
     pub(super) refused: Option<HandBack>,
 }
 
-/// Instruction that is for QEMU, and after which the interpreter may come further.
+/// Instruction for QEMU after which the interpreter may go on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum HandBack {
     /// The return from a handler that will be entered again.
@@ -81,7 +81,7 @@ impl<'a, B: Bus> Processor<'a, B> {
         }
     }
 
-    /// A branch backwards, after so many instructions: gives the turn that ends there, if it repeats.
+    /// Notes a branch backwards after some instructions. Returns the turn that it ends, if that repeats.
     pub(super) fn branch(&mut self, instructions: u64) -> Option<Turn> {
         let (registers, now) = (&self.registers, self.now);
         let is_as_kept = || self.bus.is_as_kept();
@@ -111,7 +111,7 @@ impl<'a, B: Bus> Processor<'a, B> {
         Some(step)
     }
 
-    /// Executes an instruction of an IT block, unless that leaves it out.
+    /// Executes an instruction of an IT block, if its condition holds.
     fn in_block(&mut self, instruction: &Instruction, next: u32, code: &Code) -> Option<Step> {
         let it = self.it();
         let step = if self.passes(it >> 4) {
@@ -442,7 +442,7 @@ impl<'a, B: Bus> Processor<'a, B> {
         }
     }
 
-    /// Reads. What is not aligned may be a fault, and is refused.
+    /// Reads memory or a register. An unaligned access may be a fault, and is refused.
     #[inline(always)]
     fn load(&mut self, address: u32, bytes: u32) -> Option<u32> {
         if address & (bytes - 1) != 0 {
@@ -458,7 +458,7 @@ impl<'a, B: Bus> Processor<'a, B> {
     }
 
     fn accepts(&self, address: u32, bytes: u32, code: &Code) -> Option<()> {
-        // A store over an instruction that is known is for QEMU.
+        // A store over a known instruction is for QEMU.
         let is_code = code.holds_near(address);
         let now = self.now + self.instruction_ns;
         (!is_code && address & (bytes - 1) == 0 && self.bus.accepts(address, bytes, now)).then_some(())
@@ -541,8 +541,8 @@ impl<'a, B: Bus> Processor<'a, B> {
         Some(())
     }
 
-    /// Reads several words, all of them from memory: a register is not read before it is clear that all can
-    /// be.
+    /// Reads several words, if all are in memory: a register must not be read before it is known that all
+    /// reads are allowed.
     fn load_from_memory(&mut self, addresses: impl Iterator<Item = u32>) -> Option<Vec<u32>> {
         addresses
             .map(|address| {

@@ -93,7 +93,7 @@ impl Random {
         }
     }
 
-    /// Ends where the lowest bits of a counter, and a number more, have come over or under R6.
+    /// Ends when the lowest bits of a counter, plus a number, have passed R6.
     fn overflow_of_bits(&mut self) -> Vec<u16> {
         vec![
             0x6800 | self.below(3) << 3 | 3,
@@ -106,7 +106,7 @@ impl Random {
         ]
     }
 
-    /// Ends where the carry of a comparison, in a register of its own, is another.
+    /// Ends on the carry of a comparison, which is copied to a register.
     fn carry_of_comparison(&mut self) -> Vec<u16> {
         vec![
             0x6800 | self.below(3) << 3 | 3,
@@ -178,7 +178,7 @@ fn counted_turns_leave_the_registers_and_times_of_executed_ones() {
         if round % 2 == 0 {
             registers.r[7] = u32::MAX >> random.below(31);
         }
-        // Near what a counter or its lowest bits have, so that the loop ends now and then.
+        // Near the value of a counter or of its lowest bits, so that the loop ends now and then.
         registers.r[6] = match round % 4 {
             0 => random.next() as u32 & registers.r[7],
             _ => (began[0] as u32).wrapping_add(random.below(50_000).into()),

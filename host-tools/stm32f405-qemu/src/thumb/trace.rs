@@ -2,11 +2,11 @@
 //!
 //! # Design
 //!
-//! A loop that waits for a counter has other registers at each turn, and takes the same way until the counter
-//! has come far enough. One turn is traced: what in it depends on a counter, and how. A value may rise or
-//! fall with the counter, by one at each tick; flags may come of such a value and one that stays. A condition
-//! on these flags cannot change for a number of ticks that follows from both values. If the turn reads
-//! nothing that the turn before has made of a counter, then the turns after it take the same way for as long.
+//! A loop that waits for a counter has different registers at each turn, but takes the same path until the
+//! counter has come far enough. One turn is traced to find what depends on a counter, and how. A value may
+//! rise or fall with the counter, by one at each tick. Flags may come from such a value and a constant one:
+//! both determine for how many ticks a condition on these flags cannot change. If the turn reads nothing
+//! that the turn before derived from a counter, later turns take the same path for that long.
 //!
 //! The trace gives up at everything else.
 
@@ -27,7 +27,7 @@ const LR: u8 = 14;
 const PC: u8 = 15;
 
 /// A value that rises or falls with a counter that ticks at `hz`, by 2^`shift` at each tick. It may be off
-/// that by `coarse`, as its lowest bits were cleared.
+/// by `coarse`, as its lowest bits were cleared.
 #[derive(Debug, Clone, Copy)]
 struct Line {
     falls: bool,
@@ -51,7 +51,7 @@ impl Line {
         }
     }
 
-    /// Ticks until the value has come so far, at least.
+    /// Least number of ticks in which the value covers a distance.
     fn ticks(self, distance: u64) -> u64 {
         distance
             .saturating_sub(u64::from(self.coarse))
@@ -59,7 +59,7 @@ impl Line {
     }
 }
 
-/// The operands of a subtraction, in any order: one on a line, one that stays.
+/// The operands of a subtraction, in any order: one on a line, one constant.
 #[derive(Debug, Clone, Copy)]
 struct Comparison {
     line: Line,
@@ -68,7 +68,7 @@ struct Comparison {
 }
 
 impl Comparison {
-    /// Ticks to the first at which a condition on its flags may be another.
+    /// Ticks until a condition on its flags may change.
     fn steady_ticks(&self) -> u64 {
         const HALF: u32 = 1 << 31;
         let with = self.with;
@@ -96,24 +96,24 @@ impl Comparison {
 #[derive(Debug, Default)]
 pub(super) struct Trace {
     lines: [Option<Line>; 16],
-    /// Flags that depend on a counter, and what they come of, if that is known.
+    /// Flags that depend on a counter, and the comparison that set them, if that is known.
     uncertain: u32,
     comparison: Option<Comparison>,
     /// Registers and flags that were written in this turn, and those that were read before.
     written: u32,
     read_first: u32,
-    /// Time by which everything may happen later, ns.
+    /// Longest delay after which the turn still takes the same path, ns.
     shift: u64,
-    /// Time up to which all that is read, but the counters, keeps its value.
+    /// Time up to which everything that is read, except the counters, keeps its value.
     holds_until: u64,
 }
 
-/// How far turns are as one that was traced.
+/// Limits of the turns that take the same path as a traced one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Reach {
-    /// Time by which a turn may begin later than the one that was traced, ns.
+    /// Longest delay of such a turn against the traced one, ns.
     pub(super) shift: u64,
-    /// Time before which it has to end.
+    /// Time before which such a turn must end.
     pub(super) holds_until: u64,
 }
 
@@ -126,8 +126,8 @@ impl Trace {
         }
     }
 
-    /// Follows an instruction that was executed, with the registers before it, and what it has loaded and
-    /// when. `None` if nothing is known of the turns to come.
+    /// Follows an executed instruction, with the registers before it, what it has loaded, and when. `None`
+    /// if nothing is known of the turns to come.
     pub(super) fn follow(
         &mut self,
         instruction: Instruction,
@@ -205,7 +205,7 @@ impl Trace {
         Some(())
     }
 
-    /// The end of the turn. `None` if the next turn depends on what this one has made of a counter.
+    /// Ends the turn. `None` if the next turn depends on a value that this one derived from a counter.
     pub(super) fn reach(&self, start: &Registers, end: &Registers) -> Option<Reach> {
         const BITS: [(u32, u32); 4] = [(N, FLAG_N), (Z, FLAG_Z), (C, FLAG_C), (V, FLAG_V)];
         let changed = start.xpsr ^ end.xpsr;
@@ -270,7 +270,7 @@ impl Trace {
         }
     }
 
-    /// A word was loaded at a time.
+    /// Takes a word that was loaded at a time.
     fn loaded(&mut self, (at, loaded): (u64, Loaded)) -> Option<Option<Line>> {
         let Some(ramp) = loaded.ramp else {
             self.holds_until = self.holds_until.min(loaded.holds_until);
@@ -285,7 +285,7 @@ impl Trace {
         }))
     }
 
-    /// A condition was looked at.
+    /// Takes a condition that was tested.
     fn condition(&mut self, condition: u8) -> Option<()> {
         let flags = match condition >> 1 {
             0 => FLAG_Z,
@@ -313,13 +313,13 @@ impl Trace {
         self.limit_ticks(comparison.line, comparison.steady_ticks());
     }
 
-    /// From this tick on, something may be otherwise. One tick may be about to come.
+    /// Limits the delay to the tick from which something may differ. One tick may be about to come.
     fn limit_ticks(&mut self, line: Line, ticks: u64) {
         let ns = ticks.saturating_sub(2).saturating_mul(NS_PER_S) / u64::from(line.hz.max(1));
         self.shift = self.shift.min(ns);
     }
 
-    /// The lowest bits of a register, or, without their number, something else of it.
+    /// Takes the lowest bits of a register or, if `bits` is `None`, something else of it.
     fn low_bits(&mut self, to: u8, from: u8, before: &Registers, bits: Option<u32>) -> Option<()> {
         let line = self.read(from);
         if let Some(line) = line {
@@ -328,7 +328,7 @@ impl Trace {
         self.write(to, line)
     }
 
-    /// A value's lowest bits, a mask of which is given, are on the line until they overflow.
+    /// Limits the delay: a value's bits under a mask of lowest bits are on the line until they overflow.
     fn limit_to_bits(&mut self, line: Line, value: u32, mask: u32) {
         let low = u64::from(value & mask);
         let distance = if line.falls {
@@ -396,7 +396,7 @@ impl Trace {
         to.map_or(Some(()), |to| self.write(to, line))
     }
 
-    /// Bits of a value on a line, all between two: on it too, until they overflow.
+    /// A contiguous range of bits of a value on a line is on it too, until the bits overflow.
     fn mask(&mut self, line: Line, value: u32, mask: u32) -> Option<Option<Line>> {
         if mask == 0 {
             return Some(None);
@@ -411,7 +411,7 @@ impl Trace {
         Some(Some(Line { coarse, ..line }))
     }
 
-    /// A second operand: its line, the value on it, and if it gives the carry.
+    /// A second operand: its line, its value, and `true` if it sets the carry.
     fn operand(&mut self, operand: Operand, before: &Registers) -> Option<(Option<Line>, u32, bool)> {
         let of = |register: u8| before.r[usize::from(register)];
         let carry = before.xpsr & C != 0;

@@ -2,9 +2,9 @@
 //!
 //! # Design
 //!
-//! At a branch backwards the registers are compared with those at an earlier one (Brent 1980: it moves on
-//! after 1, 2, 4, ... branches). If they are equal, if memory and the registers that were written are too,
-//! and if what was read keeps its value, then the same turn follows again and again.
+//! At a branch backwards the registers are compared with those at an earlier one, which moves on after 1, 2,
+//! 4, ... branches (Brent 1980). If they are equal, if memory and the registers that were written are too,
+//! and if everything that was read keeps its value, the turn repeats.
 
 use super::registers::Registers;
 
@@ -13,7 +13,7 @@ pub(super) struct Turns {
     earlier: Registers,
     /// Time of the earlier branch, and number of instructions up to it.
     began: (u64, u64),
-    /// Time up to which everything keeps its value that was read since.
+    /// Time up to which everything that was read since then keeps its value.
     holds_until: u64,
     changed_memory: bool,
     branches: u32,
@@ -29,7 +29,7 @@ pub(super) struct Turn {
     pub(super) holds_until: u64,
 }
 
-/// A branch backwards, by what came before it.
+/// Role of a branch backwards.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Branch {
     /// The end of a turn that repeats.
@@ -48,8 +48,8 @@ impl Turns {
         self.changed_memory = true;
     }
 
-    /// A branch backwards, at this time and after so many instructions. `is_as_kept` says if memory is as at
-    /// the earlier one.
+    /// Classifies a branch backwards, at this time and after a number of instructions. `is_as_kept` returns
+    /// `true` if memory is as it was at the earlier branch.
     pub(super) fn branch(
         &mut self,
         registers: &Registers,
@@ -84,7 +84,7 @@ impl Turns {
         Branch::Other
     }
 
-    /// The turns that repeat were counted: what follows is looked at anew.
+    /// Starts anew, after repeated turns were counted.
     pub(super) fn restart(&mut self) {
         *self = Self::default();
     }

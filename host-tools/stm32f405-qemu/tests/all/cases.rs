@@ -6,7 +6,7 @@
 use std::path::PathBuf;
 use std::process::Command;
 
-/// `cargo test` with options of the runner and words for the harness: its exit status and what it said.
+/// Runs `cargo test` with options of the runner and words for the harness. Returns its status and output.
 fn cargo_test(options: &[&str], words: &[&str]) -> (i32, String) {
     let target = "thumbv7em-none-eabihf";
     let mut runner = vec![

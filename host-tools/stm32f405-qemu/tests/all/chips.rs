@@ -8,10 +8,10 @@ use object::{Object, ObjectSection};
 use stm32f405_qemu::machine::registers;
 use stm32f405_qemu::{Chip, Outcome, Poke, Run, RunError};
 
-/// The address that `images/src/bin/part.rs` looks for the place to try at.
+/// The address at which `images/src/bin/part.rs` finds the place to try.
 const CHOICE: u32 = 0x2000_f000;
 
-/// The image `part`, as it comes out when it is linked for a part: its stack begins where the SRAM ends.
+/// The image `part` as linked for a part: its stack begins at the end of the SRAM.
 fn linked_for(chip: Chip, folder: &Path) -> PathBuf {
     let mut bytes = std::fs::read(super::images::image("part")).unwrap();
     let file = object::File::parse(&*bytes).unwrap();
@@ -39,7 +39,7 @@ fn chip(name: &str) -> Chip {
     name.parse().unwrap()
 }
 
-/// One part of each line and size of memory; its DEV_ID and size of flash are typed from its manual.
+/// One part of each line and size of memory, with its DEV_ID and size of flash from its manual.
 #[test]
 fn an_image_finds_identity_memory_and_peripherals_of_its_part() {
     let folder = tempfile::tempdir().unwrap();
@@ -66,7 +66,7 @@ fn an_image_finds_identity_memory_and_peripherals_of_its_part() {
             !chip.has_pin("PE3"),
             "{name}"
         );
-        // Beyond memory is a bus fault, and so is core-coupled memory or the second bank where there is none.
+        // Beyond memory is a bus fault, also in core-coupled memory or a second bank that the part lacks.
         let mut edges = vec![(chip.sram().end, false)];
         edges.push((0x1000_fffc, !chip.ccm().is_empty()));
         edges.push((0x081f_fffc, chip.flash_kib() > 1024));

@@ -1,4 +1,4 @@
-//! docs/firmware-in-ci.md, followed word for word, and the action for GitHub that it uses.
+//! Follows docs/firmware-in-ci.md word for word, and tests the action for GitHub that it uses.
 
 #![expect(clippy::unwrap_used, reason = "in helpers of tests")]
 
@@ -50,7 +50,7 @@ fn put(folder: &Path, path: &str, text: &str) {
     fs::write(path, text).unwrap();
 }
 
-/// A folder in which the page's files are, with the runner in `bin`. Packages have the workspace's versions.
+/// A folder with the page's files, and with the runner in `bin`. Packages have the workspace's versions.
 fn project() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let page = page();
@@ -63,7 +63,7 @@ fn project() -> tempfile::TempDir {
     folder
 }
 
-/// Runs a script as GitHub does, with `bin` in PATH before all else.
+/// Runs a script as GitHub does, with `bin` first in PATH.
 fn bash(folder: &Path, script: &str, variables: &[(String, String)]) -> Output {
     let path = format!("{}/bin:{}", folder.display(), std::env::var("PATH").unwrap());
     let mut bash = Command::new("bash");
@@ -121,7 +121,7 @@ fn keys(mapping: &Value) -> BTreeSet<&str> {
     keys.map(|key| key.as_str().unwrap()).collect()
 }
 
-/// The steps of the action, run one after another with these inputs until one fails.
+/// Runs the steps of the action in order with these inputs, until one fails.
 fn act(folder: &Path, inputs: &[(&str, &str)]) -> Output {
     let action = action();
     let input = |name: &str| {
@@ -133,7 +133,7 @@ fn act(folder: &Path, inputs: &[(&str, &str)]) -> Output {
     for step in action["runs"]["steps"].as_sequence().unwrap() {
         assert_eq!(step["shell"], "bash");
         let script = step["run"].as_str().unwrap();
-        // Inputs come in variables only: the shell would execute one that stands in the script itself.
+        // Inputs come in variables only: the shell would execute an input in the script itself.
         assert!(!script.contains("${{"), "{script}");
         let mut variables = Vec::new();
         for (name, value) in step["env"].as_mapping().into_iter().flatten() {
@@ -195,7 +195,7 @@ fn the_action_installs_what_is_missing_from_its_own_repository() {
     let folder = tempfile::tempdir().unwrap();
     let bin = folder.path().join("bin");
     fs::create_dir(&bin).unwrap();
-    // Programs that note what they are asked for, in a PATH that has neither QEMU nor the runner.
+    // Programs that record their arguments, in a PATH that has neither QEMU nor the runner.
     for name in ["sudo", "cargo"] {
         let program = bin.join(name);
         let note = format!(

@@ -19,11 +19,11 @@ const fn start(turns: u8) -> [u16; 8] {
     ]
 }
 
-/// wfi; b to it.
+/// wfi, and a branch back to it.
 const END: [u16; 2] = [0xbf30, 0xe7fd];
 
-/// Cycles of one turn of a loop at the beginning of a line of flash, when it has turned before: with ideal
-/// memory, with caches, without, at most.
+/// Cycles of one turn of a loop at the beginning of a line of flash, after its first turn: with ideal memory,
+/// with caches, without, and the upper bound.
 fn turn(code: &[u16]) -> [u64; 4] {
     let cycles = |turns| {
         // Two words fill the line that the vectors end in.
@@ -59,17 +59,17 @@ fn a_loop_takes_as_many_cycles_as_were_counted_by_hand() {
 
     // ldr r1, [r2]; ldr r3, [r2, #4]; str r3, [r2, #8]; ldr r1, [r4]; ldr r3, [r5]; subs r0, #1; bne.
     // Ideal: 2 + 1 behind a load + 1 + 2 behind a store + 1 and 3 for the bus + 1 + 3.
-    // Without caches the constant waits 5. Meanwhile the core asks for the line behind the loop, which the
-    // flash reads from 11 to 17. The branch is over at 18, and the loop's line there at 24.
-    // At most: 2 + 2 + 1 + (2 + 5) + (2 + 8) + 1 + (1 + 3), and 5 to get the line back from the constant.
+    // Without caches the constant waits 5. Meanwhile the core requests the line after the loop, which the
+    // flash reads from 11 to 17. The branch ends at 18, and the loop's line arrives at 24.
+    // At most: 2 + 2 + 1 + (2 + 5) + (2 + 8) + 1 + (1 + 3), and 5 to read the line again after the constant.
     let accesses = [0x6811, 0x6853, 0x6093, 0x6821, 0x682b, 0x3801, 0xd1f8];
     assert_eq!(turn(&accesses), [14, 14, 24, 32]);
 
     // Eight times nop in the first line; udiv r1, r0, r2; subs r0, #1; bne in the second.
     // Ideal: 8 + 7 + 1 + 3.
-    // Without caches the second line is asked for at 3, when the fourth nop frees room for its first word,
-    // and is there at 9: a cycle late. The line behind is read from 12 to 18, the branch is over at 19, and
-    // the first line there at 25.
+    // Without caches the second line is requested at 3, when the fourth nop frees room for its first word,
+    // and arrives at 9: a cycle late. The line after it is read from 12 to 18, the branch ends at 19, and the
+    // first line arrives at 25.
     // At most: 8 + 12 + 1 + (1 + 3), and 5 for each line.
     let lines = [[0xbf00; 8].as_slice(), &[0xfbb0, 0xf1f2, 0x3801, 0xd1f3]].concat();
     assert_eq!(turn(&lines), [19, 19, 25, 35]);

@@ -1,5 +1,5 @@
 //! Images in Rust (`images/`), built here for the part and run whole: what they do, how they end, and how the
-//! run says so.
+//! run reports it.
 
 #![expect(clippy::unwrap_used, reason = "in helpers of tests")]
 
@@ -18,14 +18,14 @@ use stm32f405_qemu::{
 use super::sensor::Sensor;
 use super::{emulator, said};
 
-/// Where the images are built, once for all tests. With the image's own profile, so that what both need is
-/// compiled once.
+/// Path of an image. The images are built once for all tests, with their own profile, so that common
+/// dependencies are compiled once.
 pub(super) fn image(name: &str) -> PathBuf {
     static BUILT: OnceLock<PathBuf> = OnceLock::new();
     let folder = BUILT.get_or_init(|| {
         let workspace = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../..");
         let target = "thumbv7em-none-eabihf";
-        // The others would miss the vectors that embassy's device brings.
+        // With this feature the other images would lack the vectors that embassy's device provides.
         let embassy = [
             "default-time-driver",
             "ports",
@@ -57,7 +57,7 @@ fn run_of(name: &str) -> Run {
     run
 }
 
-/// The run of an image, which has to end in ten seconds of real time.
+/// Runs an image, which must end within ten seconds of real time.
 fn result(run: &Run) -> Result<Outcome, RunError> {
     let began = Instant::now();
     let result = run.execute();
@@ -65,7 +65,7 @@ fn result(run: &Run) -> Result<Outcome, RunError> {
     result
 }
 
-/// The outcome of an image that comes through.
+/// The outcome of an image that passes.
 fn passed(run: &Run) -> Outcome {
     let outcome = result(run).unwrap();
     assert_eq!(outcome.verdict(), Ok(()), "{:?}", lines(&outcome));
@@ -83,14 +83,14 @@ fn lines(outcome: &Outcome) -> Vec<&str> {
     outcome.log.iter().map(|line| line.text.as_str()).collect()
 }
 
-/// The outcome of an image that comes through, and does so every time alike.
+/// The outcome of an image that passes, equal in two runs.
 fn passed_again(run: &Run) -> Outcome {
     let outcome = passed(run);
     assert_eq!(passed(run), outcome);
     outcome
 }
 
-/// The outcome of a run whose loops are shortened. It is that of QEMU alone.
+/// The outcome of a run with shortened loops, equal to that with QEMU only.
 fn shortened(mut run: Run) -> Outcome {
     let [short, long] = [true, false].map(|shorten| {
         run.shorten_waits = shorten;
@@ -110,8 +110,8 @@ fn an_image_on_embassys_default_time_driver_comes_through_and_sleeps_in_wfe() {
     assert_eq!(lines(&outcome), ["50 ms for 5 times 10 ms"]);
     assert!(matches!(outcome.end, RunEnd::Breakpoint(_)), "{:?}", outcome.end);
     assert!(!outcome.unmodelled.iter().any(|what| what.contains("WFE")));
-    // It goes high at first, and then toggles every 10 ms: by a clock of 32 768 Hz, from one to the next of
-    // which is 31 us.
+    // The pin goes high at first, and then toggles every 10 ms, by a clock of 32 768 Hz with ticks 31 us
+    // apart.
     assert_eq!(outcome.pins.len(), 1);
     let light = &outcome.pins[0];
     assert_eq!(light.edges, 1 + 5);
@@ -160,7 +160,7 @@ fn ports_echo_by_interrupt_and_talk_over_a_wire_by_dma() {
         let of_name = interrupts.iter().filter(|interrupt| interrupt.name == name);
         of_name.map(|interrupt| interrupt.taken).sum::<u64>()
     };
-    // Each byte is received, and its echo's register gets free.
+    // Two interrupts per byte: it is received, and its echo leaves the register.
     assert!((8..=16).contains(&taken("USART3")), "{interrupts:?}");
     assert_eq!((taken("DMA1_STREAM6"), taken("USART2")), (1, 0), "{interrupts:?}");
 }
@@ -180,7 +180,7 @@ fn the_advanced_timer_a_capture_over_a_wire_and_the_other_converters_work_as_emb
     let outcome = passed(&run);
     let lines = lines(&outcome);
     assert_eq!(lines[0], "a period of 1600 clocks");
-    // By a clock of 32 768 Hz, from one to the next of which is 30 us.
+    // By a clock of 32 768 Hz, with ticks 30 us apart.
     let apart: u32 = lines[1].split(' ').next().unwrap().parse().unwrap();
     assert!(apart.abs_diff(20_000) <= 70, "{apart}");
     assert_eq!(lines[2], "ADC2 reads 444 at PC4");
@@ -192,7 +192,7 @@ fn the_advanced_timer_a_capture_over_a_wire_and_the_other_converters_work_as_emb
         "{:?}",
         outcome.unmodelled
     );
-    // 10 kHz, nearly from the beginning on: two edges in a period of 100 us, on both pins at once.
+    // 10 kHz, almost from the beginning: two edges in a period of 100 us, on both pins at once.
     let periods = outcome.virtual_ns / 100_000;
     let pin = |name: &str| outcome.pins.iter().find(|pin| pin.name == name).unwrap();
     let [edges, complement] = ["PA8", "PA7"].map(|name| &pin(name).changes);
@@ -242,10 +242,10 @@ fn random_numbers_a_checksum_the_calendar_and_the_window_watchdog_work_by_embass
     let outcome = passed_again(&run);
     let said = lines(&outcome);
     assert_eq!(said[0], "random: different true");
-    // CRC-32/MPEG-2 of "12345678", by another program.
+    // CRC-32/MPEG-2 of "12345678", from another program.
     assert_eq!(said[2], "checksum 0x49e3c2fb");
     assert_eq!(said[3..5], ["3-1 0:0:0", "fed"]);
-    // 127 ms after the feeds began. Seconds go on over the reset.
+    // 127 ms after the feeds began. Seconds continue across the reset.
     assert_eq!(said[5..], ["again at 2026-3-1 0:0:0, window watchdog 1"]);
     // The last feed is the twentieth, 6 ms after the one before, and it lasts 10 ms: 103 counts of 97.5 us.
     let causes: Vec<_> = outcome.resets.iter().map(|reset| reset.cause).collect();
@@ -255,7 +255,7 @@ fn random_numbers_a_checksum_the_calendar_and_the_window_watchdog_work_by_embass
     assert_ne!(lines(&passed(&other))[1], said[1], "another seed");
 }
 
-/// A flash memory: its identity, and at each address its number.
+/// A flash memory: its identity, and its contents: each byte is the low byte of its address.
 #[derive(Default)]
 struct Memory {
     command: Vec<u16>,
@@ -372,7 +372,7 @@ fn a_device_at_a_place_that_the_part_lacks_is_refused_and_one_that_panics_fails_
     assert_eq!(panic.downcast_ref(), Some(&"the sensor is broken"));
 }
 
-/// The example of the README, for three images: each takes what is for it.
+/// The example of the README, for three images: each uses its part of the inputs.
 #[test]
 fn the_scenario_of_the_readme_reaches_images_and_what_never_came_is_said() {
     let readme = include_str!("../../README.md");
@@ -411,7 +411,7 @@ fn the_scenario_of_the_readme_reaches_images_and_what_never_came_is_said() {
     assert!(said.contains(&place), "{said}");
 }
 
-/// The program, run on an image: its exit status and what it said.
+/// Runs the program on an image. Returns its exit status and its output.
 fn program(image_name: &str, options: &[&str]) -> (Option<i32>, String) {
     let image = image(image_name);
     let began = Instant::now();
@@ -531,7 +531,7 @@ fn an_output_that_is_an_input_is_refused_before_it_is_emptied() {
 
 /// Limits that no run reaches.
 const ENDLESS: [&str; 4] = ["--for", "100000s", "--timeout", "100000s"];
-/// An input may come at any time.
+/// With an input that may come at any time.
 const WITH_INPUT: [&str; 2] = ["--uart", "USART1=pty"];
 
 #[test]
@@ -623,7 +623,7 @@ fn qemu_ends_with_its_host_whatever_ends_the_host() {
     let patience = Instant::now();
     let of_qemu = |pid: &String| {
         let name = std::fs::read_to_string(format!("/proc/{pid}/comm")).unwrap_or_default();
-        // The run of `--version` is over by the time that the plugin's folder is an argument.
+        // The query of `--version` has ended once the plugin's folder is an argument.
         let line = std::fs::read_to_string(format!("/proc/{pid}/cmdline")).unwrap_or_default();
         name.starts_with("qemu") && line.contains("-plugin")
     };
@@ -634,7 +634,7 @@ fn qemu_ends_with_its_host_whatever_ends_the_host() {
         assert!(patience.elapsed().as_secs() < 10, "QEMU was not started");
         std::thread::sleep(Duration::from_millis(20));
     };
-    // SIGKILL: the host gets no chance to do anything.
+    // SIGKILL: the host cannot react.
     host.kill().unwrap();
     host.wait().unwrap();
     while of_qemu(&qemu) {
@@ -669,7 +669,7 @@ fn a_log_without_a_pause_is_whole() {
 fn the_processors_own_registers_are_as_the_part_has_them() {
     let outcome = passed(&run_of("core-registers"));
     let expected = [
-        // Four bits each; SHPR3 has no debug monitor's and no reserved byte.
+        // Four bits each; SHPR3 lacks the debug monitor's byte and a reserved one.
         "priorities 0xf0100000",
         "priorities 0xf0100000",
         "pending 0x0",
@@ -689,7 +689,7 @@ fn edges_on_a_pin_and_of_the_voltage_detector_interrupt() {
     let changes_ns = vec![5_000_000, 6_000_000, 7_000_000];
     run.pin_inputs = vec![PinInput::new("PC13", Since::PowerUp, changes_ns)];
     let supply = |at_ns, millivolts| Fault::after_power_up(at_ns, FaultKind::Supply { millivolts });
-    // Rising: when the supply falls below the threshold, and not when it comes back.
+    // Rising: when the supply falls below the threshold, not when it recovers.
     run.faults = vec![supply(6_500_000, 2800), supply(6_600_000, 3300)];
     let outcome = passed(&run);
     let expected = [
@@ -721,7 +721,7 @@ fn stop_ends_with_an_edge_on_the_internal_oscillator_and_standby_with_a_reset() 
     assert_eq!(resets[0].1, ResetCause::Standby);
     assert!((9_000_000..9_000_000 + super::qemu::WAKES_WITHIN_NS).contains(&resets[0].0));
     assert_eq!(outcome.never_came, ["1 changes of the level on PA0"]);
-    // From the start of STOP to its end, and of STANDBY: hardly a moment awake.
+    // From the start of STOP to its end, and of STANDBY: the part is hardly ever awake.
     let asleep = outcome.hclk_ns.iter().find(|(hz, _)| *hz == 0).unwrap().1;
     assert!((8_700_000..9_000_000).contains(&asleep), "{asleep}");
 }
@@ -749,7 +749,7 @@ fn what_never_came_is_listed() {
 fn a_run_that_is_stopped_says_where_the_image_was() {
     let mut run = run_of("spins");
     run.sampling_deadline_ns = u64::MAX;
-    // A busy machine may take most of it until the image is in `main`.
+    // On a busy machine most of this may pass before the image is in `main`.
     run.timeout = Duration::from_secs(1);
     let error = result(&run).unwrap_err();
     let said = error.to_string();
@@ -785,7 +785,7 @@ fn a_run_that_ends_early_ends_at_the_same_instruction_every_time() {
     }
 }
 
-/// The run of `waits` or `storms`: the image finds these words at the beginning of CCM.
+/// A run of `waits` or `storms`: the image finds these words at the beginning of CCM.
 fn chosen(name: &str, words: &[u32]) -> Run {
     let mut run = Run::new(image(name));
     for (address, word) in (0x1000_0000..).step_by(4).zip(words) {
@@ -798,11 +798,11 @@ fn chosen(name: &str, words: &[u32]) -> Run {
 fn a_loop_that_waits_does_the_same_in_the_interpreter_as_in_qemu() {
     for way in (0..12).chain([14]) {
         let mut run = chosen("waits", &[way, 2]);
-        // A level that changes is played between two turns, and its edge is one more event.
+        // A change of level is played between two turns, and its edge is an additional event.
         let changes_ns: Vec<_> = (1..20).map(|n| n * 333_333).collect();
         run.pin_inputs = vec![PinInput::new("PA3", Since::PowerUp, changes_ns)];
         let outcome = shortened(run);
-        // The loop with all kinds of instructions logs its sum, too.
+        // The loop with all kinds of instructions also logs its sum.
         let logged = if way == 11 { 4 } else { 2 };
         assert_eq!(outcome.log.len(), logged, "way {way}: {:?}", lines(&outcome));
     }
@@ -811,7 +811,7 @@ fn a_loop_that_waits_does_the_same_in_the_interpreter_as_in_qemu() {
 
 #[test]
 fn a_loop_is_shortened_with_memory_protection_too() {
-    /// Accesses that QEMU would make, at least: each turn reads the counter, and takes less than a
+    /// Least number of accesses with QEMU only: each turn reads the counter, and takes less than a
     /// microsecond.
     const ACCESSES: u64 = 1000;
     let calls = |shorten| {
@@ -834,7 +834,7 @@ fn a_loop_of_a_handler_that_reads_a_register_after_it_is_left_in_time() {
 
 #[test]
 fn turns_that_repeat_cost_nothing() {
-    // A flag in RAM, WFE, and an empty loop: with QEMU alone it takes ten times as long.
+    // A flag in RAM, WFE, and an empty loop: QEMU only takes ten times as long.
     for way in [8, 9, 12] {
         let mut run = chosen("waits", &[way, 0]);
         run.sampling_deadline_ns = 20_000_000_000;
@@ -845,7 +845,7 @@ fn turns_that_repeat_cost_nothing() {
 
 #[test]
 fn an_interrupt_is_an_event_that_ends_the_next_wfe_too() {
-    // Its handler is shared by all vectors. Round 1 ends with the interrupt, round 2 with the event of that.
+    // All vectors share its handler. Round 1 ends with the interrupt, round 2 with that interrupt's event.
     let outcome = passed(&chosen("waits", &[9, 4]));
     let ticks = lines(&outcome)
         .into_iter()
@@ -864,10 +864,10 @@ fn a_handler_whose_interrupt_stays_up_does_the_same_in_the_interpreter_as_in_qem
 
 #[test]
 fn a_handler_whose_interrupt_stays_up_is_shortened_and_goes_on_for_ever() {
-    /// Registers that the handlers read and write in a millisecond, at least.
+    /// Least number of register accesses of the handlers per millisecond.
     const ACCESSES: u64 = 5000;
-    // It reads; it sets up a DMA stream, also with the stream's interrupt pending; a line rises now and then;
-    // what it adds up never repeats.
+    // The handler reads; it sets up a DMA stream, also with the stream's interrupt pending; a line rises now
+    // and then; its sum never repeats.
     for way in [0, 1, 2, 3, 5] {
         let mut live = chosen("storms", &[way, 0]).start().unwrap();
         let calls = live.advance(20_000_000, Inputs::default()).unwrap().work.calls;
@@ -879,7 +879,7 @@ fn a_handler_whose_interrupt_stays_up_is_shortened_and_goes_on_for_ever() {
 
 #[test]
 fn a_record_that_comes_in_pieces_is_whole_though_it_holds_the_end_of_a_line() {
-    // Of way 10, so a byte of it is that of a new line.
+    // The records contain way 10, a byte that is also a new line.
     let run = chosen("waits", &[10, 2]);
     let whole = passed(&run).log;
     let mut live = run.start().unwrap();

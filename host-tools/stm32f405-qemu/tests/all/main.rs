@@ -18,7 +18,7 @@ fn emulator() -> Command {
     Command::new(env!("CARGO_BIN_EXE_stm32-emu"))
 }
 
-/// All that a program said.
+/// Output of a program, on both streams.
 fn said(output: &Output) -> String {
     String::from_utf8_lossy(&[&*output.stdout, &*output.stderr].concat()).into_owned()
 }

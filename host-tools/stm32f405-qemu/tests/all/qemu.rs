@@ -1,7 +1,7 @@
 //! Images of a few instructions in real QEMU. The overlay fits QEMU, and each way to fail has its own error.
 //!
 //! The images are made here. Each is a loop that copies values from a table into registers and then sleeps,
-//! and a handler that does the same. So every test shows all that its image does.
+//! and a handler that does the same. So every test shows everything that its image does.
 
 #![expect(clippy::unwrap_used, reason = "in helpers of tests")]
 
@@ -80,7 +80,7 @@ const SLEEP: u16 = 0xbf30;
 const RETURN: u16 = 0x4770;
 const BRANCH_TO_SELF: u16 = 0xe7fe;
 
-/// The table of vectors: a stack, and the beginning behind the table.
+/// The table of vectors: a stack, and a start address behind the table.
 pub(super) fn vectors() -> [u32; VECTORS] {
     let mut vectors = [0; VECTORS];
     (vectors[0], vectors[1]) = (SRAM + 0x1_0000, RESET_AT | 1);
@@ -115,7 +115,7 @@ pub(super) fn elf(code: &[u8], symbols: &[(&str, u32, u32, u8)]) -> Vec<u8> {
     elf_at(FLASH, code, symbols)
 }
 
-/// How late the overlay may be called at 16 MHz: its time of 63 ns is one of 8 ns of QEMU's, which is whole.
+/// Greatest delay of a call of the overlay at 16 MHz: 63 ns of its time are 8 ns of QEMU's, in whole ns.
 pub(super) const WAKES_WITHIN_NS: u64 = 8;
 
 /// An ELF with one segment at an address.
@@ -183,7 +183,7 @@ pub(super) fn outcome(image: &[u8], change: impl FnOnce(&mut Run)) -> Outcome {
     result(image, change).unwrap()
 }
 
-/// The error of a run of an image that does nothing.
+/// Returns the error of a run of an image that does nothing.
 fn error(change: impl FnOnce(&mut Run)) -> RunError {
     result(&image(&[], SLEEP, &[]), change).unwrap_err()
 }
@@ -223,7 +223,7 @@ fn bytes_of_rows(rows: u16) -> Vec<u8> {
     codes.flat_map(u16::to_le_bytes).collect()
 }
 
-/// Notes of the run, without the one of its core: at 16 MHz an instruction takes longer than 8 ns.
+/// Notes of the run, without the note on the core: at 16 MHz an instruction takes longer than 8 ns.
 fn noted(outcome: &Outcome) -> Vec<&str> {
     let noted = outcome.unmodelled.iter().map(String::as_str);
     noted
@@ -267,16 +267,16 @@ fn instructions_are_counted_by_function_and_by_block() {
         .map(|f| (f.calls, f.instructions, f.symbols));
     let counts: Vec<_> = counts.collect();
     assert_eq!(counts, [(10, 10 * one_handler, 1), (0, 0, 0)]);
-    // From one full ring to the next: the stream does not interrupt at the half. In it are the handler, and
-    // the branch and the WFI of the loop that it came back to.
+    // From one full ring to the next: the stream does not interrupt at the half. The block contains the
+    // handler, and the branch and the WFI of the loop to which it returns.
     let worst = instructions.worst_block.unwrap();
     assert_eq!((worst.scans, worst.instructions), (8, one_handler + 2));
-    // Every block has the handler in it, and the last handler is in none.
+    // Every block contains the handler, and the last handler is in no block.
     let working = instructions.working.unwrap();
     assert_eq!(working.scans, 9 * 8);
     assert_eq!(working.instructions, 9 * (one_handler + 2));
     assert_eq!(instructions.idle, None);
-    // To an image without such a function every block is an idle one.
+    // For an image without such a function every block is idle.
     assert_eq!(counted("other", "no_such", "none").idle, instructions.working);
     let uncounted = run_acquiring(|run| run.count_instructions = false);
     assert_eq!(uncounted.instructions, None);
@@ -300,7 +300,7 @@ fn a_firmware_that_resets_itself_is_counted_at_the_same_times_in_every_run() {
 
 #[test]
 fn a_fault_handler_that_is_a_loop_takes_no_longer_than_other_code_and_the_watchdog_ends_it() {
-    // 800 periods of 125 us, and then a store where there is no memory.
+    // 800 periods of 125 us, and then a store outside memory.
     let mut main = WATCHDOG.to_vec();
     main[1].1 = 799;
     main.push((0xa000_0000, 0));
@@ -310,8 +310,8 @@ fn a_fault_handler_that_is_a_loop_takes_no_longer_than_other_code_and_the_watchd
     image[hard_fault..hard_fault + 4].copy_from_slice(&((RESET_AT + 12) | 1).to_le_bytes());
     let outcome = outcome(&image, |run| {
         run.sampling_deadline_ns = 150_000_000;
-        // It takes a tenth of a second. With a look at the registers at each of 19 million turns, it would be
-        // a minute.
+        // The run takes a tenth of a second. Reading the registers at each of 19 million turns would take a
+        // minute.
         run.timeout = Duration::from_secs(20);
     });
     let resets: Vec<_> = outcome.resets.iter().map(|reset| reset.cause).collect();
@@ -373,8 +373,8 @@ fn images_qemus_and_overlays_that_are_missing_and_files_that_are_none_are_told_a
     assert!(matches!(other, RunError::OverlayOdd { .. }), "{other}");
 }
 
-/// A shell script in place of QEMU. Another process writes it: a file that this process, or a child that it
-/// just forked, has open for writing cannot be executed.
+/// A shell script in place of QEMU. Another process writes it: a file cannot be executed while this process,
+/// or a child that it just forked, has it open for writing.
 fn script(run: &Run, text: &str) -> PathBuf {
     let path = run.elf.with_file_name("qemu.sh");
     let write = "printf '#!/bin/sh\\n%s\\n' \"$1\" > \"$0\" && chmod +x \"$0\"";
@@ -384,7 +384,7 @@ fn script(run: &Run, text: &str) -> PathBuf {
     path
 }
 
-/// A script that says a version, and otherwise does something else.
+/// A script that prints a version, and otherwise executes `otherwise`.
 fn qemu_of(run: &Run, version: &str, otherwise: &str) -> PathBuf {
     let said = format!("[ \"$1\" = --version ] && echo 'QEMU emulator version {version}' && exit");
     script(run, &format!("{said}\n{otherwise}"))
@@ -446,14 +446,14 @@ fn what_the_image_programs_can_be_read_clears_bits_only_and_is_there_at_the_end(
     let operations = &programmed.flash_operations;
     assert_eq!(operations.len(), 3);
     let [first, second] = [0, 1].map(|n| operations[n]);
-    // 16 us, and the five instructions of the loop from one store to the next.
+    // 16 us, besides the five instructions of the loop from one store to the next.
     let between_ns = second.at_ns - first.at_ns - 5 * 63;
     assert!(
         (16_000..16_000 + WAKES_WITHIN_NS).contains(&between_ns),
         "{between_ns}"
     );
     assert_eq!((first.address, first.bytes, first.erase), (SECTOR_10, 4, false));
-    // The flash again, under an image that only reads it.
+    // The same flash, with an image that only reads it.
     let read = outcome(&image(&sending, SLEEP, &[]), |run| {
         run.flash = vec![(SECTOR_10, sector_10(&programmed).to_vec())];
     });
@@ -462,17 +462,17 @@ fn what_the_image_programs_can_be_read_clears_bits_only_and_is_there_at_the_end(
 
 #[test]
 fn flash_outlives_a_reset_and_a_poke_does_not() {
-    // Each start programs one bit less and resets: 0x7f, then what has been there stays.
+    // Each start clears one bit and resets: 0x7f, which later starts leave as it is.
     let programming = [PROGRAM, (SECTOR_10, 0xffff_ff7f), RESET_REQUEST];
     let main = [&TRANSMITTER[..], &send(SECTOR_10, 4), &UNLOCK, &programming].concat();
     let outcome = outcome(&image(&main, SLEEP, &[]), |run| {
         run.sampling_deadline_ns = 200_000;
-        // QEMU loads a block anew at each reset, over what was programmed: it must not stay.
+        // QEMU loads a block anew at each reset, over the programmed contents: the block must not stay.
         run.flash = vec![(SECTOR_10, vec![0xff; 4])];
         run.pokes = vec![Poke::word(100_000, SECTOR_10 + 8, 0)];
     });
     assert!(outcome.resets.len() > 5, "{:?}", outcome.resets);
-    // A start is shorter than the four bytes take on the line.
+    // A start takes less time than the four bytes on the line.
     let (first, others) = outcome.uart.split_first().unwrap();
     assert_eq!(*first, 0xff);
     assert!(others.iter().all(|byte| *byte == 0x7f), "{others:?}");
@@ -488,7 +488,7 @@ fn zeros(run: &mut Run, rows: usize) {
 
 #[test]
 fn a_power_cut_restarts_the_image_and_leaves_a_word_half_programmed_every_time_alike() {
-    // It samples, and programs one word of sector 10 after the other.
+    // The image samples, and programs the words of sector 10 in order.
     let words: Vec<_> = (0..40).map(|n| (SECTOR_10 + 4 * n, 0)).collect();
     let main = [&UNLOCK[..], &CONVERTER, &TRIGGERS, &[PROGRAM], &words].concat();
     let (after, percent) = (3, 50);
@@ -513,7 +513,7 @@ fn a_power_cut_restarts_the_image_and_leaves_a_word_half_programmed_every_time_a
 #[test]
 fn a_power_cut_at_a_time_loses_ram_and_a_reset_does_not() {
     const WORD: u32 = SRAM + 0x400;
-    // The word in RAM is sent at once, and then replaced by one that the next start will find.
+    // The word in RAM is sent at once, and then replaced by a value for the next start.
     let sent_after = |faults: Vec<Fault>, watchdog: Writes<'_>| {
         let sending = [&TRANSMITTER[..], &send(WORD, 4), &[(WORD, 0x0403_0201)]].concat();
         let converting = [&CONVERTER[..1], &CONVERTER[2..], &TRIGGERS].concat();
@@ -540,7 +540,7 @@ fn on_crystal(css: u32) -> [(u32, u32); 2] {
 
 #[test]
 fn a_crystal_that_is_off_makes_every_scan_earlier_and_each_has_its_row() {
-    // Half as fast as from the internal oscillator.
+    // The clock is half that of the internal oscillator.
     let image = acquiring(&on_crystal(0));
     let [right, off] = [0.0, 900.0].map(|ppm| {
         outcome(&image, |run| {
@@ -553,14 +553,14 @@ fn a_crystal_that_is_off_makes_every_scan_earlier_and_each_has_its_row() {
     let rows = bytes_of_rows(800);
     assert!(right.uart.starts_with(&rows) && off.uart.starts_with(&rows));
     let sampled = |outcome: &Outcome| outcome.virtual_ns - outcome.sampling.unwrap().first_ns;
-    // 160 ms of rows; the tail is in true time, and ends with an instruction's.
+    // 160 ms of rows; the tail is in true time, and ends with an instruction.
     let ends = |outcome, ns: u64| (ns..ns + 2 * WAKES_WITHIN_NS).contains(&sampled(outcome));
     assert!(ends(&right, 162_000_000));
     assert!(ends(&off, 2_000_000 + 160_000_000 * 1_000_000 / 1_000_900));
     assert_eq!(noted(&off), [""; 0]);
 }
 
-/// A poke by which an exception has the image's handler.
+/// A poke that makes the image's handler that of an exception.
 fn vector(number: u32) -> Poke {
     Poke::word(0, FLASH + 4 * number, HANDLER_AT | 1)
 }
@@ -592,8 +592,8 @@ fn a_crystal_that_stops_is_an_nmi_with_css_and_without_it_only_the_watchdog_goes
     // By the NMI, and by the reset.
     assert_eq!((edges(&safe), noted(&safe).len()), (2, 0));
     assert_eq!((edges(&bare), noted(&bare).len()), (0, 1));
-    // `b .` of 125 ns for 0.5 ms, and of 63 ns for 0.7 ms but for the time between the crystal's end and the
-    // watchdog's, half a millisecond.
+    // `b .` of 125 ns for 0.5 ms, and of 63 ns for 0.7 ms, except from the crystal's stop to the watchdog's
+    // reset, half a millisecond.
     let [safe, bare] = [safe, bare].map(|outcome| outcome.instructions.unwrap().total);
     assert!((15_050..=15_150).contains(&safe), "{safe}");
     assert!((safe - 8_000..safe - 7_750).contains(&bare), "{bare} of {safe}");
@@ -679,7 +679,7 @@ fn live(run: &Run, step_ns: u64, until_ns: u64, mut rows: &[[u16; 4]]) -> (Uart,
     let (mut sent, mut instructions) = (Uart::default(), 0);
     while live.now_ns() < until_ns {
         let to = (live.now_ns() + step_ns).min(until_ns);
-        // Some more than are needed.
+        // A few more rows than needed.
         let (next, rest) = rows.split_at(rows.len().min(2 + (step_ns / run.sample_period_ns) as usize));
         rows = rest;
         let inputs = Inputs {
@@ -764,10 +764,10 @@ fn a_live_image_that_ends_the_run_says_how_and_one_that_hangs_is_stopped() {
     assert!(matches!(live.finish().unwrap().end, RunEnd::LockedUp(_)));
 
     let mut hangs = bench(&image(&[], BRANCH_TO_SELF, &[]));
-    // A busy machine may take most of it until the first instruction.
+    // On a busy machine most of this may pass before the first instruction.
     hangs.run.timeout = Duration::from_secs(1);
     let mut live = hangs.run.start().unwrap();
-    // Two centuries: even a wait that costs nothing takes its time.
+    // Two centuries: even a shortened wait takes some time.
     let stopped = live
         .advance(7_000_000_000_000_000_000, Inputs::default())
         .unwrap_err();
@@ -793,7 +793,7 @@ fn a_run_leaves_the_half_words_that_it_executed_and_its_image_in_the_folder_that
         let of_byte = (0..8).filter(move |bit| bits >> bit & 1 == 1);
         of_byte.map(move |bit| 8 * byte as u32 + bit)
     });
-    // The first address in the table is 0, so that nothing is stored and the loop has no second turn.
+    // The first address in the table is 0, so nothing is stored and the loop has no second turn.
     let executed = [0, 1, 2, 3, 6].map(|at| (RESET_AT - FLASH) / 2 + at);
     assert_eq!(bits.collect::<Vec<_>>(), executed);
 }

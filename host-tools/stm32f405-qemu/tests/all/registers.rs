@@ -1,4 +1,4 @@
-//! Reset values and bits of every register of every modelled peripheral, against what ST describes.
+//! Reset values and bits of every register of every modelled peripheral, against ST's description.
 
 use std::collections::BTreeSet;
 
@@ -11,7 +11,7 @@ use super::machine::bench::{RCC, TestBoard};
 /// RCC's enable registers.
 const ENABLES: [u32; 5] = [0x30, 0x34, 0x38, 0x40, 0x44];
 
-/// A machine after reset with all clocks on; `reset` brings it back there.
+/// A machine after reset with all clocks on; `reset` restores that state.
 struct ClockedChip(Machine, TestBoard);
 
 impl ClockedChip {
@@ -32,7 +32,7 @@ impl ClockedChip {
         self.0.read(address, 4, 0, &mut self.1)
     }
 
-    /// Returns `true` if a model has a register there.
+    /// Returns `true` if a model has a register at this address.
     fn answers(&self, address: u32) -> bool {
         let mut machine = self.0.clone();
         let unknown = |machine: &Machine| machine.outcome(0).unknown_registers.len();
@@ -47,10 +47,10 @@ impl ClockedChip {
 }
 
 /// Bits of registers where a model differs from the description. Each has its reason: a section of RM0090
-/// (rev. 21), or that writing alone does not show what the bits do. `*` stands for anything but a `_`.
+/// (rev. 21), or that writes alone do not show their function. `*` matches anything but a `_`.
 type Deviation = (&'static str, u32);
 
-/// In the value after reset.
+/// Deviations in the value after reset.
 const RESETS: &[Deviation] = &[
     // PA13, PA15 and PB4 are pulled up for a probe (sections 8.3.1 and 8.4.5: 0x0000 XXXX).
     ("GPIO*_IDR", 1 << 15 | 1 << 13 | 1 << 4),
@@ -76,7 +76,7 @@ const RESETS: &[Deviation] = &[
     ("DBGMCU_IDCODE", u32::MAX),
 ];
 
-/// In the bits that keep what is written.
+/// Deviations in the bits that keep a written value.
 const BITS: &[Deviation] = &[
     // Flags: hardware sets them, a 0 clears (section 18.4.5).
     ("TIM*_SR", u32::MAX),
@@ -120,7 +120,7 @@ const BITS: &[Deviation] = &[
     ("RNG_SR", 0x60),
     // Hardware sets EWIF, a 0 clears (section 22.6.3).
     ("WWDG_SR", 1),
-    // Counts to come in: the unit makes a checksum of what is written (section 4.4.1).
+    // The unit computes a checksum of the written words (section 4.4.1).
     ("CRC_DR", u32::MAX),
     // Locked until PWR_CR.DBP is set and the keys are in WPR (section 26.3.3).
     ("RTC_*", u32::MAX),
@@ -148,7 +148,7 @@ const ABSENT: &[&str] = &[
     "ADC_CDR",
 ];
 
-/// Returns `true` if a name fits a pattern in which `*` stands for anything but a `_`.
+/// Returns `true` if a name matches a pattern, in which `*` matches anything but a `_`.
 fn fits(pattern: &str, name: &str) -> bool {
     match pattern.split_once('*') {
         None => pattern == name,
@@ -246,6 +246,6 @@ fn a_modelled_peripheral_has_every_register_but_those_that_are_reported() {
         let is_absent = absent.iter().any(|name| fits(pattern, name));
         assert!(is_absent, "{pattern}");
     }
-    // Most of the table of the part, so that this test looks at something.
+    // Most registers of the table, so that this test cannot pass without checking any.
     assert!(modelled(&mut chip).len() > 300);
 }

@@ -2,13 +2,13 @@
 
 use stm32f405_qemu::{Device, Level};
 
-/// Registers behind a pointer, as most sensors have them. It raises PB0 when it was read.
+/// Registers behind a pointer, as most sensors have them. Raises PB0 after a read.
 #[derive(Default)]
 pub(crate) struct Sensor {
     pub(crate) registers: [u8; 8],
     pub(crate) pointer: Option<usize>,
     pub(crate) starts: Vec<(bool, u64)>,
-    /// Bytes that were read.
+    /// Bytes that the master has read.
     pub(crate) reads: usize,
     pub(crate) stops: usize,
     pub(crate) levels: Vec<Level>,

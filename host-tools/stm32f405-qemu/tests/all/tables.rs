@@ -41,7 +41,7 @@ const CONNECTIONS: &str = "\
 /// Kinds of peripherals whose pins and interrupts a model could have.
 const KINDS: [&str; 8] = ["TIM", "USART", "UART", "ADC", "I2C", "SPI", "RNG", "WWDG"];
 
-/// The folder of stm32-metapac in cargo's registry: cargo has it for the images that use embassy.
+/// The folder of stm32-metapac in cargo's registry, where cargo has it for the images that use embassy.
 fn metapac() -> PathBuf {
     let ran = Command::new(env!("CARGO"))
         .args(["metadata", "--format-version", "1", "--locked"])
@@ -60,7 +60,7 @@ fn read(path: &Path) -> String {
     std::fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
 
-/// The metadata that a part shares with others.
+/// The metadata that a part shares with other parts.
 fn shared(metapac: &Path, chip: &str) -> String {
     let name = between(chip, "include!(\"../", "\")");
     read(&metapac.join("src/chips").join(name))
@@ -90,7 +90,7 @@ fn peripherals(metadata: &str) -> impl Iterator<Item = (&str, &str)> {
 
 /// Lines of pins, DMA requests and interrupts.
 fn connections(metadata: &str) -> BTreeSet<String> {
-    // Those of the peripherals have a signal first.
+    // Lines of peripherals begin with a signal.
     let entries = metadata.split("Interrupt {");
     let entries = entries.filter_map(|entry| entry.trim_start().strip_prefix("name: \"")?.split_once("\","));
     let numbers: BTreeMap<_, _> = entries
@@ -131,7 +131,7 @@ fn connections(metadata: &str) -> BTreeSet<String> {
     lines
 }
 
-/// Lines of clock gates, whose bits are in the description of RCC.
+/// Lines of clock gates. Their bits are in the description of RCC.
 fn gates(metadata: &str, rcc: &str) -> BTreeSet<String> {
     let mut lines = BTreeSet::new();
     // The STM32F405 has no gate of the RTC.
@@ -198,7 +198,7 @@ fn number(text: &str) -> u32 {
 /// KiB of flash, of SRAM and of core-coupled memory.
 fn memory(chip: &str) -> [u32; 3] {
     let mut kib = [0; 3];
-    // Of two layouts the first has one bank.
+    // If there are two layouts, the first has one bank.
     let (_, layouts) = chip.split_once("memory: &[").unwrap();
     let layout = between(layouts, "&[", "]");
     for region in layout.split("MemoryRegion {").skip(1) {
@@ -215,14 +215,14 @@ fn memory(chip: &str) -> [u32; 3] {
     kib
 }
 
-/// A bit for each pin, for each port.
+/// A mask of pins for each port.
 fn pins(metadata: &str) -> String {
     let (_, list) = metadata.split_once("static PINS:").unwrap();
     let mut ports = [0_u16; 11];
     for pin in list.split("name: \"P").skip(1) {
         let (name, _) = pin.split_once('"').unwrap();
         let port = usize::from(name.as_bytes()[0] - b'A');
-        // Some are called PC2_C and the like, on others than these parts.
+        // Some pins are called PC2_C and the like, on parts other than these.
         ports[port] |= 1 << name[1..].parse::<u32>().unwrap();
     }
     ports.map(|mask| format!("{mask:x}")).join(" ")

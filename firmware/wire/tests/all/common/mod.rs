@@ -104,7 +104,7 @@ pub(crate) fn filler(boot: u8, sequence: u32) -> Vec<u8> {
     bytes(boot, sequence, &settings.into())
 }
 
-/// Feeds a stream in pieces; gives the sequence numbers of the frames, and the rejects.
+/// Feeds a stream in pieces; returns the sequence numbers of the frames, and the rejects.
 pub(crate) fn decode(decoder: &mut Decoder, stream: &[u8]) -> (Vec<u32>, Vec<Reject>) {
     let (mut sequences, mut rejects) = (Vec::new(), Vec::new());
     for piece in stream.chunks(7) {

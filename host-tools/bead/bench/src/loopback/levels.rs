@@ -1,4 +1,4 @@
-//! Levels: the straight line from an output to its input, noise, and what an input has of the other output.
+//! Levels: the straight line from an output to its input, noise, and cross-talk from the other output.
 
 use std::time::Duration;
 
@@ -9,19 +9,19 @@ use super::report::CheckRow;
 
 /// Time of a level, ms: about half of its scans come over the line.
 const LEVEL_MS: u32 = 25;
-/// Codes of one output while the other is in the middle. The outputs' buffers reach from 249 to 3846.
+/// Codes of one output while the other is at [`MIDDLE`]. The outputs' buffers reach from 249 to 3846.
 const CODES: [u16; 5] = [400, 1200, 2048, 2900, 3700];
 const MIDDLE: u16 = 2048;
 
-/// Bounds, in codes. From the data sheet (DocID022152): the output is off by 10 mV, 12 codes, and 0.5 % of
-/// its range, and bends by 4 codes; the input is off by 2.5 codes, by 3 codes of gain, and bends by 3.
+/// Bounds in codes, from the data sheet (DocID022152). Output: offset of 10 mV, 12 codes, 0.5 % of its
+/// range, bend of 4 codes. Input: offset of 2.5 codes, 3 codes of gain, bend of 3.
 const OFF: f64 = 20.0;
 const GAIN_OFF: f64 = 0.01;
 const BEND: f64 = 8.0;
-/// Noise in the middle, and the change for a step of the other output by its whole range, in codes.
+/// Greatest noise at [`MIDDLE`], and greatest change for a full-range step of the other output, in codes.
 const NOISE: f64 = 0.8;
 const CROSS_TALK: f64 = 0.1;
-/// Standard errors that a change may be beyond its bound, as noise alone makes it.
+/// Standard errors by which noise alone may take a change beyond its bound.
 const ERRORS: f64 = 3.0;
 
 pub(super) const NAMES: [&str; 9] = [
@@ -57,7 +57,7 @@ impl Level {
         }
     }
 
-    /// Of both sensitive channels.
+    /// Levels of both sensitive channels over the wanted scans.
     fn of_both(pieces: &[Raw], wanted: impl Fn(u64) -> bool) -> Option<[Self; 2]> {
         let scans: Vec<[u16; 2]> = pieces
             .iter()
@@ -70,7 +70,7 @@ impl Level {
     }
 }
 
-/// Lets the outputs hold codes, and gives what both inputs find.
+/// Lets the outputs hold codes, and returns the levels at both inputs.
 pub(super) fn hold(
     bead: &mut Conversation,
     [force, acceleration]: [u16; 2],
@@ -104,12 +104,12 @@ pub(super) fn hold(
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Line {
     gain: f64,
-    /// At the middle.
+    /// Code of the input at [`MIDDLE`].
     level: f64,
 }
 
 impl Line {
-    /// By least squares, and the greatest distance from it.
+    /// Fits a line by least squares. Returns it with the greatest distance from it.
     fn fit(points: &[(f64, f64)]) -> (Self, f64) {
         let count = points.len() as f64;
         let mean = |of: fn(&(f64, f64)) -> f64| points.iter().map(of).sum::<f64>() / count;
@@ -134,7 +134,7 @@ pub(super) struct Levels {
     pub(super) lines: [Line; 2],
     bends: [f64; 2],
     middle: [Level; 2],
-    /// Change of each channel for the whole step of the other's output, and its standard error.
+    /// Change of each channel for the full step of the other output, and its standard error.
     cross_talk: [(f64, f64); 2],
     open: [Level; 2],
 }
@@ -253,7 +253,7 @@ mod tests {
         let mut bent = CODES.map(straight);
         bent[2].1 += 10.0;
         let (_, off) = Line::fit(&bent);
-        // The middle of five: four fifths stay beside the line.
+        // The fit follows a fifth of an outlier in the middle of five; four fifths remain.
         assert!((off - 8.0).abs() < 0.1, "{off}");
     }
 }

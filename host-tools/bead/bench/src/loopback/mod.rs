@@ -1,11 +1,11 @@
-//! The checks of `bead bench`: a bead whose outputs lead back to its inputs, by two wires and without a
-//! sensor. A real board, or one in the emulator.
+//! The checks of `bead bench`, on a bead without sensors whose outputs are wired back to its inputs: a real
+//! board, or one in the emulator.
 //!
 //! # Design
-//! The bead plays levels and made-up strikes to itself and sends what it samples. Everything is judged on the
-//! host, from frames: from the raw scans, the straight line from output to input; from the strikes, what the
-//! bead's own code makes of the same codes here. A check that needs wires is not done where they are missing.
-//! The bead ends as it began: armed or not, with its own settings.
+//! The bead plays levels and made-up strikes to itself and sends what it samples. The host judges
+//! everything by frames: the straight line from output to input by raw scans, the strikes by what the
+//! bead's own code makes of the same codes here. A check that needs wires is skipped where they are
+//! missing. The bead ends as it began: armed or not, with its own settings.
 
 mod levels;
 mod report;
@@ -25,7 +25,7 @@ pub use wires::Wiring;
 use levels::Levels;
 use strikes::{Expected, Strikes};
 
-/// Share of the time between two blocks that the busiest may take: the budget of an image as it runs.
+/// Greatest share of the time between two blocks that the busiest block may take.
 const BUSIEST: f64 = 0.45;
 
 /// Options of the checks, and the image to compare with.
@@ -36,11 +36,11 @@ pub struct Given<'a> {
     pub resets: bool,
     /// The bytes that an image with these addresses should have, if the image is known.
     pub flash: &'a dyn Fn(u32, u32) -> Option<Vec<u8>>,
-    /// True if this computer's time is the bead's: at a serial port.
+    /// True if the bead's time is this computer's, as at a serial port.
     pub shares_time: bool,
     /// Time now, for the report.
     pub date: String,
-    /// Returns true if a user asks for the end. It is asked when the bead has its own settings again.
+    /// Returns true if the user asks for the end. Called when the bead has its own settings again.
     pub stop: &'a dyn Fn() -> bool,
 }
 
@@ -69,11 +69,11 @@ fn losses(answer: &Answer) -> Result<Losses, LineError> {
     })
 }
 
-/// Runs every check. `step` takes the name of each before it begins. What was seen until the bead fell silent
-/// or refused is not lost: the error comes beside it.
+/// Runs every check. `step` takes the name of each before it begins. If the bead falls silent or refuses,
+/// the results until then are returned beside the error.
 ///
 /// # Errors
-/// The bead does not say who it is.
+/// The bead does not identify itself.
 pub fn run(
     bead: &mut Conversation,
     given: &Given<'_>,
@@ -164,7 +164,7 @@ fn strike_rows(bead: &mut Conversation, levels: &Levels) -> Result<Vec<CheckRow>
         ))
     })?;
     let expected = Expected::of(&settings, levels);
-    // Counts of the load begin anew.
+    // This request restarts the counts of the load.
     bead.request_done(&Request::Status)?;
     let one = Strikes::play(bead, &settings, 1)?;
     let train = Strikes::play(bead, &settings, strikes::TRAIN)?;
@@ -195,7 +195,7 @@ fn budget_row(load: &Load) -> CheckRow {
 fn self_test_row(bead: &mut Conversation) -> Result<CheckRow, LineError> {
     let tests = bead.self_test()?;
     let failed: Vec<_> = tests.iter().filter(|test| !test.passed).collect();
-    // Inputs without a wire may stand still: the wires have a check of their own.
+    // Open inputs may stand still; another check covers the wires.
     let of_sensor =
         |check: bead_wire::Check| matches!(check, bead_wire::Check::Force | bead_wire::Check::Acceleration);
     let names = |sensors: bool| {
@@ -218,7 +218,7 @@ fn self_test_row(bead: &mut Conversation) -> Result<CheckRow, LineError> {
     Ok(CheckRow::of("self-test", seen, "all", passed))
 }
 
-/// Asks so often, in turn, for what a bead tells of itself.
+/// Sends `count` requests, in turn for identity, status, settings and kept strikes.
 fn requests_row(bead: &mut Conversation, count: u32) -> Result<CheckRow, LineError> {
     let questions = [
         Request::Identity,

@@ -13,9 +13,9 @@ const SETTINGS: &str = "settings";
 pub(super) const WATCHDOG: &str = "watchdog";
 pub(super) const NAMES: [&str; 2] = [SETTINGS, WATCHDOG];
 
-/// Time within which a bead whose time is not this computer's must be back from its watchdog.
+/// Time-out for the return from the watchdog of a bead whose time is not this computer's.
 const BACK: Duration = Duration::from_secs(20);
-/// Time of the watchdog by its oscillator of 17 to 47 kHz (DocID022152, LSI characteristics), and of a start,
+/// Time of the watchdog, whose oscillator has 17 to 47 kHz (DocID022152, LSI characteristics), and a start,
 /// s.
 const WATCHDOG_S: std::ops::RangeInclusive<f64> = 1.2..=4.5;
 
@@ -28,7 +28,7 @@ fn block(bead: &mut Conversation) -> Result<Vec<u8>, LineError> {
     })
 }
 
-/// Where the settings in force came from.
+/// Source of the settings in force.
 fn source(bead: &mut Conversation) -> Result<SettingsSource, LineError> {
     let answer = bead.request_done(&Request::Status)?;
     answer.last("status frame", |frame| match &frame.message {
@@ -44,7 +44,7 @@ fn changed(before: &[u8]) -> Option<Vec<u8>> {
     block_of(&Settings::new(&description).ok()?).ok()
 }
 
-/// Writes a block. A bead whose store is full makes room when it starts. Returns how often it was reset for
+/// Writes a block. A bead whose store is full makes room when it starts. Returns the number of resets for
 /// that.
 fn write(bead: &mut Conversation, block: &[u8]) -> Result<u64, LineError> {
     let too_long = |_| LineError::Failed("the settings block is longer than a request".to_owned());
@@ -62,7 +62,7 @@ fn write(bead: &mut Conversation, block: &[u8]) -> Result<u64, LineError> {
     }
 }
 
-/// Puts back what was in force before.
+/// Restores the settings that were in force before.
 fn restore(bead: &mut Conversation, source: SettingsSource, before: &[u8]) -> Result<(), LineError> {
     match source {
         SettingsSource::Stored => write(bead, before).map(drop),
@@ -70,7 +70,7 @@ fn restore(bead: &mut Conversation, source: SettingsSource, before: &[u8]) -> Re
     }
 }
 
-/// Writes other settings, reads them back after a reset, and puts the own ones back, over a reset too.
+/// Writes other settings, reads them back after a reset, then restores the bead's own, also across a reset.
 pub(super) fn settings_row(bead: &mut Conversation) -> Result<CheckRow, LineError> {
     let before = block(bead)?;
     let origin = source(bead)?;
@@ -88,7 +88,7 @@ pub(super) fn settings_row(bead: &mut Conversation) -> Result<CheckRow, LineErro
         bead.reboot()?;
         block(bead)
     });
-    // Also after a check that failed.
+    // Restores them after a failed check, too.
     let restored = restore(bead, origin, &before).and_then(|()| {
         bead.reboot()?;
         block(bead)
@@ -108,8 +108,8 @@ pub(super) fn settings_row(bead: &mut Conversation) -> Result<CheckRow, LineErro
     ))
 }
 
-/// Lets the bead hang, and waits for its watchdog. Resets it once more after that, so that its light does not
-/// tell of a fault.
+/// Lets the bead hang, and waits for its watchdog. Then resets the bead once more, so that its light does
+/// not show a fault.
 pub(super) fn watchdog_row(bead: &mut Conversation, shares_time: bool) -> Result<CheckRow, LineError> {
     bead.request_done(&Request::Hang)?;
     let began = Instant::now();

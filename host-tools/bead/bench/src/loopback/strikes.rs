@@ -1,4 +1,4 @@
-//! Strikes that the bead plays to itself, against what its own code makes of the same codes here.
+//! Strikes that the bead plays to itself, compared with what its own code makes of the same codes here.
 
 use bead_compare::replay::replay;
 use bead_line::conversation::{Conversation, LineError};
@@ -15,8 +15,8 @@ use crate::model_bead::MeterOutput;
 pub(super) const TRAIN: u32 = 6;
 const INTERVAL_MS: u32 = 60;
 
-/// Greatest difference of a value from that of the codes that were played, as a part. The line from output
-/// to input is known to a tenth of a percent, and its bend of some codes in 1500 is the rest.
+/// Greatest difference of a value from that of the played codes, as a part. The line from output to input
+/// is known to a tenth of a percent; its bend of some codes in 1500 accounts for the rest.
 const AGREES: f64 = 0.01;
 
 pub(super) const BUDGET: &str = "budget";
@@ -28,9 +28,9 @@ pub(super) const NAMES: [&str; 5] = [
     BUDGET,
 ];
 
-/// Results that a bead with these settings finds in the codes that are played.
+/// Results of a bead with these settings for the played codes.
 pub(super) struct Expected {
-    /// Scans from the first that is played to the one that triggers.
+    /// Scans from the first played one to the one that triggers.
     trigger: i64,
     strike: Strike,
 }
@@ -40,7 +40,7 @@ impl Expected {
     pub(super) fn of(settings: &Settings, levels: &Levels) -> Option<Self> {
         const BEFORE: usize = 4000;
         const AFTER: usize = 3000;
-        // The wide channels are not looked at: the strike stays within the range of the others.
+        // The wide channels do not matter: the strike stays within the range of the sensitive ones.
         let scan = |codes: [u16; 2]| {
             let [force, acceleration] = [0, 1].map(|channel| {
                 let code = levels.lines[channel].at(codes[channel].into());
@@ -111,13 +111,13 @@ impl Strikes {
         })
     }
 
-    /// Scans from the first that is played to the one that triggers, of each strike that was found.
+    /// Scans from the first played one to the one that triggers, for each strike that was found.
     fn triggers(&self) -> impl Iterator<Item = i64> + '_ {
         let pairs = self.found.iter().zip(&self.played);
         pairs.map(|(strike, played)| strike.said.trigger_index.wrapping_sub(played.first_index) as i64)
     }
 
-    /// Returns `true` if every strike came, whole.
+    /// Returns `true` if every strike came whole.
     fn is_whole(&self) -> bool {
         let count = self.asked as usize;
         self.found.len() == count
@@ -125,7 +125,8 @@ impl Strikes {
             && self.played.iter().all(|played| played.complete)
     }
 
-    /// Rows of a strike that was played alone. Every bit is compared of those of the `train` too.
+    /// Rows of a strike that was played alone. The replay compares every bit of the strikes of the `train`,
+    /// too.
     pub(super) fn rows_of_one(&self, train: &Self, expected: Option<&Expected>) -> Vec<CheckRow> {
         let [trigger, replay_row, value_row] = [NAMES[0], NAMES[1], NAMES[2]];
         let all = self.found.iter().chain(&train.found);
@@ -174,7 +175,7 @@ impl Strikes {
         vec![trigger, replayed, row]
     }
 
-    /// The strikes of a train have to be what one alone was.
+    /// Row of a train, whose strikes must equal the single one.
     pub(super) fn row_of_train(&self, one: &Self) -> CheckRow {
         let (Some(alone), Some(trigger)) = (one.found.first(), one.triggers().next()) else {
             return CheckRow::not_done(NAMES[3], "needs a strike");

@@ -1,27 +1,27 @@
-//! Which input follows which output.
+//! Wiring from the outputs to the inputs.
 
 use bead_line::conversation::{Conversation, LineError};
 
 use super::levels::hold;
 use super::report::CheckRow;
 
-/// Codes of PA4 and PA5 at two times: one rises, the other falls.
+/// Codes of PA4 and PA5 before and after a step: one rises, the other falls.
 const BEFORE: [u16; 2] = [1400, 2600];
 const AFTER: [u16; 2] = [2400, 1600];
 const STEP: f64 = 1000.0;
-/// An input follows an output if it moves by this part of the step at least: a divider leaves less.
+/// Least part of the step by which an input moves that follows an output: a divider leaves less.
 const FOLLOWS: f64 = 0.5;
 
 const INPUTS: [&str; 2] = ["PA0", "PA2"];
 const OUTPUTS: [&str; 2] = ["PA4", "PA5"];
 const NEXT: &str = "connect PA4 to PA0 and PA5 to PA2, as docs/bench.md draws it";
 
-/// The output that each input follows, PA0 and PA2, if it follows one: 0 is PA4, 1 is PA5.
+/// For each of PA0 and PA2, the output that it follows, if any: 0 is PA4, 1 is PA5.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Wiring(pub [Option<usize>; 2]);
 
 impl Wiring {
-    /// Finds it.
+    /// Finds the wiring of a bead.
     ///
     /// # Errors
     /// The bead refuses or does not answer.

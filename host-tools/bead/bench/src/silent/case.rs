@@ -1,4 +1,4 @@
-//! A case: a real chain, how it differs from what the settings state, and what the image says of it.
+//! A case: a real chain, its difference from what the settings state, and the image's verdict.
 
 use std::path::Path;
 
@@ -24,9 +24,9 @@ use super::law::{LawChain, STEP, SpringLaw};
 pub const SILENT: f64 = 0.03;
 /// Quiet before the first strike, s.
 const LEAD_IN: f64 = 0.02;
-/// Force at which a wave has arrived, N.
+/// Force that marks the arrival of a wave, N.
 const FOOT: f64 = 0.05;
-/// Time before a wave arrives from which on a window counts as its own, s.
+/// Time before a wave's arrival at which its windows may begin, s.
 const EARLIER: f64 = 0.2e-3;
 /// Time from strike to strike, s.
 const INTERVAL: f64 = 0.06;
@@ -38,19 +38,19 @@ pub(super) enum Signal {
     Chain,
     /// Two equal strikes, the second one this many seconds after the first.
     Twice(f64),
-    /// Springs with a law.
+    /// Springs that follow this law.
     Law(SpringLaw),
-    /// Sensors that end at this force, N, and acceleration, m/s².
+    /// Sensors that clip at this force, N, and acceleration, m/s².
     Clipped([f64; 2]),
 }
 
-/// A strike at which the bead would be wrong, and the flags that name the cause.
+/// A strike for which the bead would be wrong, and the flags that name the cause.
 pub struct SilentCase {
     /// Group of cases with one cause.
     pub group: &'static str,
     /// The cause.
     pub cause: String,
-    /// Flags of which one names the cause.
+    /// Flags, any of which names the cause.
     pub named_by: StrikeFlags,
     pub(super) scenario: Scenario,
     pub(super) bead: usize,
@@ -162,7 +162,7 @@ impl SilentCase {
         })
     }
 
-    /// Sample index a little before each wave arrives, of the strikes that begin at `starts`. A wave needs
+    /// Sample index shortly before each wave of the strikes that begin at `starts` arrives. A wave takes
     /// `travel` s to the bead.
     fn arrivals(&self, starts: &[f64], travel: f64) -> Vec<f64> {
         let later: &[f64] = match self.signal {

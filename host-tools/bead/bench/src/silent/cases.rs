@@ -64,7 +64,7 @@ pub fn cases() -> Vec<SilentCase> {
     groups.into_iter().flatten().collect()
 }
 
-/// Waves that come too close.
+/// Waves that follow each other too closely.
 fn waves() -> Vec<SilentCase> {
     let named = Flags::ANOTHER_WAVE
         .with(Flags::WINDOW_CUT)
@@ -91,7 +91,7 @@ fn waves() -> Vec<SilentCase> {
     cases
 }
 
-/// The supply, which is the gain.
+/// The supply, which sets the gain.
 fn supplies() -> Vec<SilentCase> {
     [3.27, 3.2, 3.1, 3.0, 2.95]
         .map(|volts| {
@@ -237,7 +237,7 @@ fn neighbours() -> Vec<SilentCase> {
         with("beads of 10 mm behind", vec![round(9..=16, 0.01)]),
         wall(5),
         wall(3),
-        // Under load even the quiet end answers at once: the chain is long.
+        // Under a static load even a quiet end answers at once, so the chain is long.
         paper("neighbour", "a static load of 5 N, 60 beads", named)
             .strong()
             .on(|scenario| {
@@ -256,7 +256,7 @@ fn neighbours() -> Vec<SilentCase> {
     ]
 }
 
-/// Sensors that end before the converter, gains, and a start that is not at rest.
+/// Sensors that clip before the converter, wrong gains, and a start that is not at rest.
 fn sensors() -> Vec<SilentCase> {
     let drift = Flags::DRIFTING
         .with(Flags::GAINS_DIFFER)

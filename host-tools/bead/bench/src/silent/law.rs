@@ -1,23 +1,23 @@
 //! A chain whose one intruder hangs on springs that no settings can state: they harden, rub, or creep.
 //!
 //! # Design
-//! `hertz-chain` knows linear springs alone, as the bead does. Here the chain's masses and contacts are those
-//! of its model, and classical Runge-Kutta steps of a fifth of a microsecond carry any law of the springs. A
-//! linear law gives the energy of `hertz-chain` to a part in ten thousand.
+//! `hertz-chain`, like the bead, knows only linear springs. Here the masses and contacts are those of its
+//! model, and classical Runge-Kutta steps of a fifth of a microsecond integrate any law of the springs.
+//! With a linear law, the energy agrees with that of `hertz-chain` to a part in ten thousand.
 
 use hertz_chain::{Contact, Model, Oscillator};
 
 /// Force of the springs and the damper between host and intruder, beyond the linear ones.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum SpringLaw {
-    /// k (1 + h (x/x₀)²): `part` is h, the part by which the spring is stiffer at a stroke of `stroke`, m.
+    /// Stiffness k (1 + h (x/x₀)²): `part` is h, the part by which the spring is stiffer at `stroke`, x₀.
     Hardening {
         /// h, below 0 for a spring that softens.
         part: f64,
         /// x₀, m.
         stroke: f64,
     },
-    /// Coulomb friction of this force, N, in which the sign of the velocity is smoothed below 1 mm/s.
+    /// Coulomb friction of this force, N, smoothed below 1 mm/s.
     Friction(f64),
     /// A spring of `part` of k in series with a damper that lets it creep in `time`, s, beside the linear
     /// spring.
@@ -32,7 +32,7 @@ pub(super) enum SpringLaw {
 /// Samples of a strike at the bead.
 #[derive(Debug, Clone, Default)]
 pub(super) struct LawStrike {
-    /// Force at the incoming contact, N, a step apart.
+    /// Force at the incoming contact, N, at each [`STEP`].
     pub(super) force: Vec<f64>,
     /// Absolute acceleration of the intruder, m/s².
     pub(super) acceleration: Vec<f64>,
@@ -87,7 +87,7 @@ impl<'a> LawChain<'a> {
         })
     }
 
-    /// Integrates `seconds` from the touch of the striker on.
+    /// Integrates `seconds` from the striker's first touch.
     pub(super) fn strike(&self, seconds: f64) -> LawStrike {
         let mut state = LawState {
             bodies: vec![[0.0; 2]; self.model.bodies()],
@@ -200,7 +200,7 @@ mod tests {
         );
         let peak = strike.force.iter().copied().fold(0.0, f64::max);
         assert!((peak / truth.peak_force - 1.0).abs() < 1e-4, "{peak}");
-        // A stiffer spring is tuned further away from the wave.
+        // A stiffer spring is further out of tune with the wave.
         let [hard, soft] = [0.2, -0.2].map(|part| hardening(part).absorbed);
         assert!(hard < strike.absorbed && strike.absorbed < soft, "{hard} {soft}");
         assert!(LawChain::new(solution.model(), 7, SpringLaw::Friction(0.1)).is_none());

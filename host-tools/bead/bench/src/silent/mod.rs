@@ -1,10 +1,10 @@
-//! Strikes at which a bead would be wrong without a word, played through the flash image: what it says of
-//! each, and whether a flag names the cause.
+//! Strikes for which a bead would be silently wrong, played through the flash image to see whether a flag
+//! names the cause.
 //!
 //! # Design
-//! A case is a real chain, and how it differs from what the settings state. Settings are derived from the
-//! real chain, as for any emulated bead, and then restated. A signal is the simulated one, two of it one
-//! after the other, one that a sensor clips, or that of springs with a law of their own (`law`).
+//! A case is a real chain, and its difference from what the settings state. Settings are derived from the
+//! real chain, as for any emulated bead, and then changed. The signal is that of the simulated strike, of
+//! two such strikes in a row, of a sensor that clips, or of springs that follow another law (`law`).
 
 mod case;
 mod cases;

@@ -1,4 +1,4 @@
-//! A bead whose sensors have gains of their own, around the bit-exact code; and chance.
+//! A simulated bead: sensors with true gains around the bit-exact code; and random numbers.
 
 use bead_compare::front_end::{AnalogFrontEnd, SAMPLE_RATE_HZ, SensorStimulus};
 use bead_model::settings::{BLOCK_MAX, Settings};
@@ -21,10 +21,10 @@ use crate::quantity::Stated;
 const SUPPLY: f64 = 3.3;
 /// Relative standard deviation of a simulated bead's gains about those of its settings.
 pub const GAIN_SPREAD: f64 = 0.02;
-/// Time of the first sample, ns since 1970. A recording then has the same bytes on every day.
+/// Time of the first sample, ns since 1970. It is fixed so that recordings are reproducible.
 const BEGAN_NS: u64 = 1_000_000_000;
 
-/// A generator of chance for a seed and a purpose.
+/// A random number generator for a seed and a purpose.
 pub fn chance(seed: u64, purpose: u64) -> ChaCha8Rng {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     random.set_stream(purpose);
@@ -41,7 +41,7 @@ pub(super) fn truth(stated: Stated, random: &mut ChaCha8Rng) -> f64 {
     stated.value + stated.u * deviate(random)
 }
 
-/// A bead whose sensors have gains of their own.
+/// A bead whose true gains may differ from its settings.
 #[derive(Debug, Clone, Copy)]
 pub struct SimulatedBead {
     /// Its settings.
@@ -53,7 +53,7 @@ pub struct SimulatedBead {
 }
 
 impl SimulatedBead {
-    /// A bead with these settings, whose true gains are drawn about them.
+    /// A bead with these settings and randomly drawn true gains.
     pub fn drawn(settings: &Settings, random: &mut ChaCha8Rng) -> Self {
         Self::with_gains(settings, [(); 2].map(|()| 1.0 + GAIN_SPREAD * deviate(random)))
     }
@@ -74,7 +74,7 @@ impl SimulatedBead {
         }
     }
 
-    /// Records what the bead sends of `seconds` of a stimulus.
+    /// Records what the bead sends during `seconds` of a stimulus.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -102,7 +102,7 @@ impl SimulatedBead {
         Ok(())
     }
 
-    /// The strikes in what the bead sends of `seconds` of a stimulus, without a file.
+    /// The strikes that the bead sends during `seconds` of a stimulus, without a file.
     pub fn strikes(&self, stimulus: &impl SensorStimulus, seconds: f64, seed: u64) -> Vec<RecordedStrike> {
         let (_, voice) = self.measure(stimulus, seconds, seed);
         let bytes: Vec<u8> = voice.frames.into_iter().flat_map(|(_, frame)| frame).collect();
@@ -115,7 +115,7 @@ impl SimulatedBead {
         let codes = self.front_end.digitise(stimulus, scans, Some(seed)).scans;
         let mut voice = Voice::new(self.settings.description().address);
         let mut block = [0; BLOCK_MAX];
-        // Settings that are there have a block, and a block has room in a frame.
+        // Valid settings encode to a block, and a block fits a frame.
         let length = self.settings.encode(&mut block).unwrap_or(0);
         voice.say(0, voice.identity());
         if let Ok(block) = Block::try_from(&block[..length]) {
@@ -131,7 +131,7 @@ impl SimulatedBead {
 struct Voice {
     address: u8,
     sequence: u32,
-    /// Each with the sample index at which it is made.
+    /// Each frame with the sample index at which it is made.
     frames: Vec<(u64, Vec<u8>)>,
 }
 

@@ -1,8 +1,9 @@
-//! Coverage of the uncertainties of all procedures: beads and rigs whose truth is drawn, each calibrated.
+//! Coverage of the uncertainties of all procedures, from calibrations of beads and rigs with drawn true
+//! values.
 //!
 //! # Design
-//! The operator's statements are right as distributions, and the truth is a draw of them. Of the intervals of
-//! ± U 95 % then hold the truth. A budget with an input too many holds more, one that lacks an input fewer.
+//! The truth is drawn from the distributions that the operator states. Then 95 % of the intervals of ± U
+//! hold the truth; more with a superfluous input in the budget, fewer with a missing one.
 
 use bead_model::settings::Settings;
 use hertz_chain::Oscillator;
@@ -279,7 +280,7 @@ mod tests {
         assert_eq!(coverage.len(), 7);
         for one in coverage {
             println!("{one:?}");
-            // Of four intervals of 95 % two miss in one case of 100, and an rms of U in one of 300.
+            // Two of four intervals of 95 % miss in one case of 100, and an rms exceeds U in one of 300.
             assert!(one.covered >= 3 && one.rms > 0.125 && one.rms < 1.0, "{one:?}");
         }
     }

@@ -1,9 +1,9 @@
-//! A drop rig: a ball, a tube of a height, a bead on a block.
+//! A drop rig: a ball, a tube, a bead on a block.
 //!
 //! # Design
 //! The ball's contact with the padded cap is integrated: m z'' = m g - F, F = k z (1 + λ z') (Hunt and
-//! Crossley 1975, with a flat pad). Between contacts it flies. The force goes through the high-pass of the
-//! front end, so what the converter sees has the undershoot of a real circuit.
+//! Crossley 1975, with a flat pad). Between contacts the ball flies. The force goes through the high-pass of
+//! the front end, so what the converter sees has the undershoot of a real circuit.
 
 use std::sync::Arc;
 
@@ -14,7 +14,7 @@ use bead_tables::whole::Target;
 use crate::drop::DropInputs;
 use crate::simulated::bead::{SimulatedBead, chance, deviate, truth};
 
-/// Duration of a contact, s, and part of the velocity that the pad takes.
+/// Duration of a contact, s, and relative loss of velocity in the pad.
 const CONTACT: f64 = 1.8e-3;
 const LOSS: f64 = 0.4;
 /// Step of the integration, s.
@@ -40,7 +40,7 @@ pub enum DropFault {
 /// A simulated drop test.
 #[derive(Debug, Clone)]
 pub struct DropRig {
-    /// Statements of the operator, which the truth is drawn about.
+    /// Statements of the operator, from which the truth is drawn.
     pub stated: DropInputs,
     /// Drops from each height.
     pub drops: usize,
@@ -63,7 +63,7 @@ impl DropRig {
     /// The force of all drops from a height, and its length, s.
     pub fn landings(&self, height: usize) -> (Landings, f64) {
         let stated = &self.stated;
-        // All series have one ball, one place and one axis, but each a height of its own.
+        // All series share ball, place and axis; each has its own height.
         let mut shared = chance(self.seed, 1);
         let mass = truth(stated.ball_mass, &mut shared);
         let gravity = truth(stated.gravity, &mut shared);
@@ -82,7 +82,7 @@ impl DropRig {
             let fault = fault.map(|(_, fault)| *fault);
             let fallen = level + HAND * deviate(&mut own);
             let mut velocity = (2.0 * gravity * fallen).sqrt();
-            // Drops do not wait for the sample clock.
+            // Drops are not synchronous with the sample clock.
             let mut begin = time + (deviate(&mut own).abs() * 1e-3).min(0.01);
             for _ in 0..LANDINGS {
                 let (mut forces, outgoing, lasts) = pad.land(mass, gravity, velocity);
@@ -135,7 +135,7 @@ impl Pad {
             let next_z = z + STEP / 6.0 * (z1 + 2.0 * (z2 + z3) + z4);
             let next_v = v + STEP / 6.0 * (v1 + 2.0 * (v2 + v3) + v4);
             if next_z <= 0.0 {
-                // It leaves between two steps.
+                // The ball leaves between two steps.
                 let part = z / (z - next_z);
                 let outgoing = -(v + part * (next_v - v));
                 let lasts = STEP * (forces.len() as f64 - 1.0 + part);
@@ -148,7 +148,7 @@ impl Pad {
     }
 }
 
-/// The force of landings behind a high-pass, N over s.
+/// The force of landings after a high-pass, N over s.
 #[derive(Debug, Clone)]
 pub struct Landings {
     pulses: Arc<[Pulse]>,
@@ -162,13 +162,13 @@ pub struct Landings {
 struct Pulse {
     begin: f64,
     forces: Vec<f64>,
-    /// Force behind the high-pass at the end of the contact, N.
+    /// Force after the high-pass at the end of the contact, N.
     left: f64,
 }
 
 impl Landings {
     fn new(contacts: Vec<(f64, Vec<f64>)>, tau: Option<f64>) -> Self {
-        // The low-pass part that the high-pass takes away, and when it stood so.
+        // The low-pass part that the high-pass removes, and the time of this value.
         let (mut slow, mut since) = (0.0, 0.0);
         let pulses = contacts.into_iter().map(|(begin, mut forces)| {
             if let Some(tau) = tau {

@@ -32,7 +32,7 @@ pub struct RingTruth {
 /// Simulated taps.
 #[derive(Debug, Clone, Copy)]
 pub struct TapRig {
-    /// Statements of the operator, which the truth is drawn about.
+    /// Statements of the operator, from which the truth is drawn.
     pub stated: RingDownInputs,
     /// Number of taps.
     pub taps: u32,
@@ -68,7 +68,7 @@ impl TapRig {
         scenario.duration = 2e-3;
         scenario.chain.beads = 1;
         let volume = 4.0 / 3.0 * std::f64::consts::PI * scenario.chain.radius.powi(3);
-        // The chain's density is that of a bead with its intruder.
+        // The chain's density includes the intruder's mass.
         scenario.chain.density = truth.bead / volume;
         scenario.striker.velocity = TAP;
         let Some(intruder) = scenario.intruders.first_mut() else {

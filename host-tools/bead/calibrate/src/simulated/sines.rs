@@ -15,7 +15,7 @@ const REFERENCE_RATE: f64 = 51_200.0;
 const REFERENCE_NOISE: f64 = 0.02;
 /// Deviation of the reference's clock from the bead's, as a part.
 const CLOCKS: f64 = 30e-6;
-/// Scans that fit the line, and that do not, in turn.
+/// Scans in each run that the line carries, and in each run that it drops, in turn.
 const SENT: usize = 200;
 
 /// Motion of a shaken bead: a steady tone.
@@ -25,15 +25,15 @@ pub struct Shaken {
     pub frequency: f64,
     /// Acceleration of the bead's body, m/s² rms.
     rms: f64,
-    /// The intruder's motion over that of the body, and how far it is ahead, s.
+    /// The intruder's motion over that of the body, and its lead, s.
     follows: (f64, f64),
     /// Mass in front of the crystal, kg.
     front_mass: f64,
 }
 
 impl Shaken {
-    /// A tone of a frequency, Hz, and an acceleration, m/s² rms. Without springs the accelerometer is fixed
-    /// to the reference. The front mass is in kg.
+    /// A tone with a frequency, Hz, an acceleration, m/s² rms, and a front mass, kg. Without springs the
+    /// accelerometer is fixed to the reference.
     pub fn new(frequency: f64, rms: f64, springs: Option<Oscillator>, front_mass: f64) -> Self {
         let h = springs.map(|springs| springs.transmissibility(frequency));
         let follows = h.map_or((1.0, 0.0), |h| {
@@ -95,8 +95,8 @@ fn is_sent(at: usize) -> bool {
     (at / SENT).is_multiple_of(2)
 }
 
-/// The scans of a shaken bead as `bead command raw` writes them: of every second run of scans, which is what
-/// a line carries.
+/// The scans of a shaken bead as `bead command raw` writes them: every second run of scans, as a line
+/// carries.
 pub fn scans(bead: &SimulatedBead, shaken: &Shaken, seconds: f64, seed: u64) -> String {
     let count = (seconds * f64::from(SAMPLE_RATE_HZ)) as usize;
     let codes = bead.front_end.digitise(shaken, count, Some(seed)).scans;

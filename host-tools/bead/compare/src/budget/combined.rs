@@ -43,7 +43,7 @@ impl Combined {
         let amounts = || contributions.iter().map(|one| one.amount);
         let squares: f64 = amounts().map(|amount| amount * amount).sum();
         let crossed: f64 = correlated.iter().map(|one| crossed(contributions, *one)).sum();
-        // Full correlation may leave less than nothing, by rounding.
+        // With full correlation, rounding may leave less than nothing.
         let variance = (squares + crossed).max(0.0);
         let quartic = |one: &Contribution| Some(one.amount.powi(4) / one.free?);
         let quartics: f64 = contributions.iter().filter_map(quartic).sum();
@@ -62,7 +62,7 @@ impl Combined {
         }
     }
 
-    /// The part of the variance that an amount of it is, in per cent; 0 if there is none.
+    /// The share of a variance in that of the result, in per cent; 0 if the result has none.
     pub fn share_percent(&self, variance: f64) -> f64 {
         if self.u > 0.0 {
             100.0 * variance / (self.u * self.u)

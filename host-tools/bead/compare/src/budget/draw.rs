@@ -8,7 +8,7 @@ use rand_distr::{Distribution, StandardNormal};
 use crate::budget::input::scale;
 
 /// A bead whose parameters are drawn from the distributions that `stated` gives around those of
-/// `description`. An input whose uncertainty is unknown stays.
+/// `description`. An input whose uncertainty is unknown keeps its value.
 pub fn drawn_settings(description: &Description, stated: &Uncertainty, random: &mut impl Rng) -> Description {
     let root = root(stated.correlations());
     let mut drawn = *description;
@@ -35,7 +35,7 @@ pub fn drawn_settings(description: &Description, stated: &Uncertainty, random: &
 /// Cholesky's root of the correlations of k, c and m.
 fn root([k_c, k_m, c_m]: [f64; 3]) -> [[f64; 3]; 3] {
     let second = (1.0 - k_c * k_c).max(0.0).sqrt();
-    // Where k and c are one, so are their correlations with m.
+    // Where k and c are fully correlated, their correlations with m are equal up to the sign.
     let crossed = if second > 0.0 {
         (c_m - k_c * k_m) / second
     } else {

@@ -1,4 +1,4 @@
-//! The inputs that settings state an uncertainty of.
+//! The inputs whose uncertainty settings state.
 
 use bead_model::design::{Description, SensorScale};
 use bead_model::violation::SettingKey;
@@ -24,8 +24,8 @@ pub(super) fn named(key: SettingKey) -> (&'static str, &'static str) {
     }
 }
 
-/// True for an input that beads of one calibration share: the reference that their sensors were held against,
-/// their supply, and the material of the chain.
+/// True for an input that beads of one calibration share: the reference that their sensors were calibrated
+/// against, their supply, and the material of the chain.
 pub(super) fn is_shared(key: SettingKey) -> bool {
     matches!(
         key,

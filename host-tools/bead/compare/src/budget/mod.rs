@@ -2,8 +2,8 @@
 //! 101), and the ratio between beads.
 //!
 //! # Design
-//! The bead's own code is the measurement function: settings are derived anew with one input moved, and the
-//! recorded codes run through the estimators again. So sensitivities are those of this strike.
+//! The bead's own code is the measurement function: settings are derived again with one input moved, and the
+//! recorded codes run through the estimators again. The sensitivities are therefore those of this strike.
 
 mod combined;
 mod draw;

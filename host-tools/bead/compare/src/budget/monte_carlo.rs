@@ -71,7 +71,7 @@ fn tolerance(u: f64, digits: u8) -> f64 {
     0.5 * 10_f64.powf(u.log10().floor() + 1.0 - f64::from(digits))
 }
 
-/// Draws the inputs `draws` times. The same draws come on every machine.
+/// Draws the inputs `draws` times. The draws are the same on every machine.
 ///
 /// # Errors
 /// Fewer than 1000 draws, or one that no bead can have.
@@ -119,7 +119,7 @@ pub(super) fn draw(
     })
 }
 
-/// A scan with other noise on top of its own, whole codes of the same variance.
+/// A scan with additional noise on top of its own, in whole codes of the same variance.
 fn noisy(mut codes: [Option<u16>; 4], channels: &[ChannelNoise], random: &mut ChaCha8Rng) -> Scan {
     for channel in channels {
         let Some(code) = &mut codes[channel.place] else {

@@ -3,7 +3,8 @@
 //! # Design
 //! The scatter of each channel's codes in the quiet is taken as white. The energies' derivatives by each code
 //! of the window are differences of the estimators over a few codes, so the variance of the
-//! energies is the sum of their squares. It holds the zeros of the channels, which are means of quiet codes.
+//! energies is the sum of their squares. This includes the zeros of the channels, which are means of quiet
+//! codes.
 
 use bead_model::Scan;
 use bead_model::layout::BASELINE;
@@ -15,8 +16,8 @@ use crate::spread::RunningMean;
 use crate::student::student;
 use bead_recording::strikes::RecordedStrike;
 
-/// Least step of a code. Over fewer than four the rounding of B shows; over 32 the estimators are still
-/// linear.
+/// Least step of a code. Steps of fewer than four codes show the rounding of B; over 32 codes the estimators
+/// are still linear.
 const STEP: f64 = 8.0;
 /// Channels in the order of a scan's codes.
 const CHANNELS: [&str; 4] = [
@@ -34,13 +35,13 @@ pub(super) struct ChannelNoise {
     pub(super) place: usize,
     /// Standard deviation of its codes.
     pub(super) codes: f64,
-    /// Degrees of freedom of that.
+    /// Degrees of freedom of the deviation.
     pub(super) free: f64,
     /// Standard uncertainties of both energies from it, J.
     pub(super) amounts: [f64; 2],
 }
 
-/// How far the noise of a strike may move its energies A and B, J, in 19 cases of 20. `None` where samples or
+/// Expanded uncertainty (95 %) of a strike's energies A and B by its own noise, J. `None` where samples or
 /// settings are missing.
 pub(crate) fn expanded_noise(strike: &RecordedStrike) -> Option<[f64; 2]> {
     let rerun = Rerun::new(strike, *strike.settings?.description()).ok()?;
@@ -64,7 +65,7 @@ pub(super) fn codes(rerun: &Rerun<'_>) -> Vec<[Option<u16>; 4]> {
     rerun.strike.scans.iter().map(of).collect()
 }
 
-/// A scan of codes, of which those that are `None` have no part.
+/// A scan of codes; those that are `None` have no part.
 pub(super) fn scan(codes: [Option<u16>; 4]) -> Scan {
     Scan::new(codes.map(Option::unwrap_or_default))
 }
@@ -74,7 +75,7 @@ pub(super) fn noise(rerun: &Rerun<'_>) -> Vec<ChannelNoise> {
     let codes = codes(rerun);
     let quiet = usize::from(rerun.settings.window.noise_end()).min(codes.len());
     let of_channel = |(channel, name): (usize, &'static str)| {
-        // Of the low gain, the quiet has the codes of the baseline alone.
+        // At the low gain, the quiet has only the codes of the baseline.
         let length = if channel % 2 == 0 { quiet } else { BASELINE.into() };
         let mut running = RunningMean::default();
         let quiet = codes[..length.min(codes.len())]

@@ -1,4 +1,4 @@
-//! The ratio of the energies of two beads, in whose uncertainty cancels what both share.
+//! The ratio of the energies of two beads. Errors that both share cancel in its uncertainty.
 
 use serde::Serialize;
 
@@ -49,7 +49,7 @@ impl BeadRatio {
 fn ratio(budgets: [&StrikeBudget; 2], result: usize, shares: bool) -> Combined {
     let energies = budgets.map(|budget| [budget.measured, budget.predicted][result].value);
     let value = energies[0] / energies[1];
-    // ln(E₁/E₂) has the relative contributions, those of the second with the other sign.
+    // ln(E₁/E₂) has the relative contributions, those of the second with the opposite sign.
     let amount = |bead: usize, input: &BudgetInput| Contribution {
         amount: value * [1.0, -1.0][bead] * input.contributions()[result].amount / energies[bead],
         free: input.degrees_of_freedom,

@@ -9,9 +9,9 @@ use bead_recording::strikes::{RecordedStrike, ScanCodes};
 use crate::budget::input::scale;
 use crate::error::CompareError;
 
-/// Relative step of an input, for the difference that gives a sensitivity. Of the paper's strike, steps of
-/// 0.5 to 8 % give gains, masses and k alike within 1 %: below, B's rounding shows, above, the curvature of A
-/// over k. The sensitivities to κ and τ and B's to c, which are small, are within 6 %.
+/// Relative step of an input in the difference quotient of a sensitivity. For the paper's strike, steps of
+/// 0.5 to 8 % agree within 1 % for gains, masses and k: smaller steps show B's rounding, larger ones the
+/// curvature of A over k. The sensitivities to κ and τ and B's to c, which are small, agree within 6 %.
 const STEP: f64 = 0.02;
 
 /// A strike that can be measured again.
@@ -26,7 +26,7 @@ pub(super) struct Rerun<'a> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Sensitivity {
     pub(super) of: [f64; 2],
-    /// Difference to the same over a step that is twice as long.
+    /// Difference from the change over a step twice as long.
     pub(super) error: [f64; 2],
 }
 

@@ -130,8 +130,8 @@ impl BudgetInput {
 }
 
 impl StrikeBudget {
-    /// The budget of a strike with all its samples; `stated` takes the place of the uncertainties in its
-    /// settings. Of `draws`, each is a run of the bead's code.
+    /// The budget of a strike with all its samples; `stated` replaces the uncertainties in its settings. Each
+    /// of the `draws` is a run of the bead's code.
     ///
     /// # Errors
     /// Samples or settings are missing, or no bead can have an input a little greater or less.
@@ -233,7 +233,7 @@ impl StrikeBudget {
     }
 }
 
-/// The inputs of which the settings state an uncertainty, and the names of the others.
+/// The inputs whose uncertainty the settings state, and the names of the others.
 fn settings_inputs(
     rerun: &Rerun<'_>,
     stated: &Uncertainty,
@@ -270,8 +270,7 @@ fn settings_inputs(
     Ok((inputs, unknown))
 }
 
-/// The correlations of k, c and m, by the places of the inputs. One with an input that is unknown is left
-/// out.
+/// The correlations of k, c and m, by the places of the inputs. Those with an unknown input are left out.
 pub(super) fn correlated(stated: &Uncertainty, inputs: &[BudgetInput]) -> Vec<Correlated> {
     use SettingKey::{UDamping, UIntruderMass, UStiffness};
     let pairs = [
@@ -373,7 +372,7 @@ mod tests {
         }
         let [a, b] = [&budget.measured, &budget.predicted].map(|result| result.u / result.value);
         assert!(a > 0.03 && b > 0.03, "{a} {b}");
-        // The supply is in both, so the difference has less than both would have apart.
+        // Both include the supply, so their difference is less uncertain than if they were independent.
         let apart = budget.measured.u.hypot(budget.predicted.u);
         assert!(
             budget.difference.u < 0.9 * apart,
@@ -385,7 +384,7 @@ mod tests {
     #[test]
     fn the_uncertainties_that_a_bead_sends_are_those_of_the_budget_within_a_tenth() {
         let part = |part| Some(Relative::new(part));
-        // All that a laboratory would state, and k, c and m alone.
+        // All that a laboratory would state, and only k, c and m.
         let usual = Uncertainty {
             force_gain: part(0.0105),
             force_gain_ratio: part(1e-5),
@@ -449,7 +448,7 @@ mod tests {
             description.capture.disagreement = 0.01;
         });
         let (percent, exact) = (every(0.01), every(1e-6));
-        // One that is unknown makes all unknown.
+        // One unknown input makes all unknown.
         let partly = Uncertainty {
             damping: None,
             ..percent

@@ -15,7 +15,7 @@ pub struct Report {
     pub above: String,
     /// The heading.
     pub title: String,
-    /// The good news, or the reason of the failure.
+    /// The good news, or the reason for the failure.
     pub verdict: Result<&'static str, String>,
     /// The most important values, each with its name.
     pub tiles: Vec<(String, String)>,
@@ -30,7 +30,7 @@ pub struct Chapter {
     pub(super) content: Vec<Passage>,
 }
 
-/// A piece of a section. All but lines and tables are for the page alone.
+/// A piece of a section. All but lines and tables are only for the page.
 #[derive(Debug)]
 pub enum Passage {
     /// A paragraph.
@@ -65,9 +65,9 @@ pub enum Medium {
     Both,
     /// The terminal, and the page in wide windows.
     Wide,
-    /// The page alone.
+    /// Only the page.
     Page,
-    /// The terminal alone.
+    /// Only the terminal.
     Terminal,
 }
 
@@ -84,12 +84,12 @@ impl Medium {
 /// A table. Its first column has names, the others numbers.
 #[derive(Debug)]
 pub struct Grid {
-    /// The renderers that show it; [`Medium::Wide`] is as [`Medium::Both`].
+    /// The renderers that show it; [`Medium::Wide`] counts as [`Medium::Both`].
     pub(super) medium: Medium,
-    /// The name of the group of its rows. The page has it in place of the first heading. On the terminal it
-    /// is a row of its own, with the rows indented below it, and tables with equal columns are one.
+    /// The name of the group of its rows. The page shows it in place of the first heading. The terminal shows
+    /// it in a separate row, with the group indented below, and joins tables with equal columns.
     pub(super) group: Option<String>,
-    /// The headings. Without one, the table has none.
+    /// The headings; empty for a table without.
     pub(super) columns: Vec<GridColumn>,
     /// The rows. One that is shorter than the headings ends in empty cells.
     pub(crate) rows: Vec<Vec<GridCell>>,
@@ -108,9 +108,9 @@ pub enum GridCell {
     Text(String),
     /// A value, and whether it is within its goal.
     Judged(String, bool),
-    /// A histogram of the page: the counts of its bins.
+    /// A histogram, only on the page: the counts of its bins.
     Histogram(Vec<usize>),
-    /// A bar of the page, of this part of the column's width.
+    /// A bar, only on the page: its length as a part of the column's width.
     Bar(f64),
 }
 
@@ -154,7 +154,7 @@ impl Chapter {
         self.with(line.map(Passage::Line))
     }
 
-    /// A section of facts: a table of names and values, for the page alone.
+    /// A section of facts: a table of names and values, only for the page.
     pub fn facts(heading: &str, facts: impl IntoIterator<Item = Fact>) -> Self {
         let facts = facts.into_iter();
         let rows = facts.map(|(name, value)| vec![name.into(), value.into()]);
@@ -173,7 +173,7 @@ impl Chapter {
 
 impl Grid {
     /// A table for both renderers. `|` separates the headings. A mark before one says which renderers show
-    /// its column: `~` the page in wide windows only, `^` the terminal alone, `#` the page alone.
+    /// its column: `~` the page in wide windows only, `^` only the terminal, `#` only the page.
     pub fn new(headings: &str, rows: impl IntoIterator<Item = Vec<GridCell>>) -> Self {
         let headings = headings.split('|').filter(|_| !headings.is_empty());
         Self {
@@ -184,13 +184,13 @@ impl Grid {
         }
     }
 
-    /// The table for these renderers alone.
+    /// Shows the table only in these renderers.
     #[must_use]
     pub fn on(self, medium: Medium) -> Self {
         Self { medium, ..self }
     }
 
-    /// The table as a group of rows with a name.
+    /// Makes the table a named group of rows.
     #[must_use]
     pub fn group(self, name: impl Into<String>) -> Self {
         let group = Some(name.into());

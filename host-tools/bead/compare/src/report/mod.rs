@@ -1,6 +1,6 @@
 //! A result for people: tiles, and sections of text, tables and charts. A comparison is put into words once,
 //! as a [`Report`]. [`Report::terminal`] shows it as aligned columns, [`Report::page`] as one HTML file that
-//! needs nothing from outside; content for one of them alone is marked.
+//! needs nothing from outside; content for only one of them is marked.
 
 mod content;
 mod page;

@@ -12,7 +12,7 @@ pub struct EnergyUnit {
 impl EnergyUnit {
     const ALL: [(&str, f64); 4] = [("nJ", 1e9), ("µJ", 1e6), ("mJ", 1e3), ("J", 1.0)];
 
-    /// The one unit of energies that stand together, J: the smallest that has none of them at 10 000 or more.
+    /// The common unit of energies that are shown together, J: the smallest that keeps all below 10 000.
     pub fn of(energies: impl IntoIterator<Item = f64>) -> Self {
         let greatest = energies.into_iter().map(f64::abs).fold(0.0, f64::max);
         let fits = |(_, scale): &&(&str, f64)| greatest * scale < 1e4;
@@ -26,7 +26,7 @@ impl EnergyUnit {
     }
 }
 
-/// A value in the one unit of energies, with its symbol.
+/// A value in the common unit of energies, with its symbol.
 pub fn energy(joules: f64) -> String {
     let unit = EnergyUnit::of([joules]);
     format!("{} {}", unit.number(joules, 3), unit.symbol)

@@ -2,8 +2,8 @@
 //!
 //! # Design
 //! The wave arrives when the force rises through half of its height ([`bead_recording::arrival`]). Each
-//! strike is placed where the beads' differences from the simulation have the mean 0, so one bead alone has
-//! no arrival. A speed needs no such zero: it is the sum of the diameters between two contacts over the
+//! strike is placed where the beads' differences from the simulation have the mean 0, so a single bead has no
+//! arrival. A speed needs no such zero: it is the sum of the diameters between two contacts over the
 //! difference of the arrivals there.
 
 use serde::Serialize;
@@ -105,7 +105,7 @@ impl Arrivals {
         }
     }
 
-    /// Of a bead.
+    /// The arrival at a bead.
     pub fn at(&self, bead: usize) -> Option<&BeadArrival> {
         self.beads.iter().find(|arrival| arrival.bead == bead)
     }

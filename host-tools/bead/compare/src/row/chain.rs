@@ -1,4 +1,4 @@
-//! The chain that a row of beads is held against, and the beads of a recording that belong to it.
+//! The chain that a row of beads is compared with, and the beads of a recording that belong to it.
 
 use std::sync::Arc;
 
@@ -43,8 +43,8 @@ pub struct PlacedBead {
 }
 
 /// The beads of a recording that have a place in the chain, from the striker on; and a line for each bead
-/// that is left out, and for each host of which there is no bead. A bead that carries another scenario than
-/// `text`, as its author wrote it, is left out.
+/// that is left out and for each host without a bead. A bead whose scenario differs from `text`, as its
+/// author wrote it, is left out.
 pub fn among(received: &Recording, chain: &RowChain, text: Option<&str>) -> (Vec<PlacedBead>, Vec<String>) {
     let mut places: Vec<PlacedBead> = Vec::new();
     let mut notes = Vec::new();

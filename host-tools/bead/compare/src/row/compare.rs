@@ -28,7 +28,7 @@ pub struct RowComparison {
     pub failure: Option<String>,
 }
 
-/// Holds a row against its chain. `notes` are what is known to be missing.
+/// Compares a row with its chain. `notes` list what is known to be missing.
 ///
 /// # Errors
 /// The scenario cannot be integrated.
@@ -47,7 +47,7 @@ pub fn compare(
         let first = beads.iter().find(|bead| bead.failure.is_some() && wrong(bead))?;
         Some(format!("bead {}: {}", first.bead, first.failure.as_ref()?))
     };
-    // A replay that differs is the gravest, at whichever bead.
+    // A replay that differs is the gravest failure, at whichever bead.
     let failure = failed(|bead| bead.first_difference.is_some()).or_else(|| failed(|_| true));
     Ok(RowComparison {
         strikes: row.strikes.len(),

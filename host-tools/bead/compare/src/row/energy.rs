@@ -5,13 +5,13 @@
 //! intruders took, once by estimate A and once by B. E(0) is the first bead's own: the work of its force on
 //! the host of the reduced chain, over the main wave. (The law of a solitary wave between equal beads gives
 //! 13 % too little behind a host with 12 g.) It is the simulation's where samples are missing, where the
-//! force left the sensor's range, or under a static load. A host that did not record took what the simulation
-//! says. All energies are parts of E(0), so strikes of different speeds are averaged.
+//! force left the sensor's range, or under a static load. For a host that did not record, the simulation's
+//! value is taken. All energies are parts of E(0), so strikes of different speeds can be averaged.
 //!
 //! The paper's E(n) compares the energies at the end of chains with n intruders and with none
-//! ([`energies_left`]); it is a column of its own. In a row of ten, later intruders send waves back: this
-//! changes E by 1e-4 for m = 2.7 g, and by 0.02 after the first for 12 g. The column also has the energy that
-//! lossy contacts take.
+//! ([`energies_left`]); it has its own column. In a row of ten, later intruders send waves back: this changes
+//! E by 1e-4 for m = 2.7 g, and by 0.02 after the first for 12 g. The column also has the energy that lossy
+//! contacts take.
 
 use hertz_chain::{TransmissionFit, energies_left};
 use serde::Serialize;
@@ -114,7 +114,7 @@ impl EnergyAlong {
             return Ok(none(Some(why)));
         };
         let rows_of_n = energies_left(&chain.scenario)?;
-        // Of all its strikes or of none, so that all are parts of the same.
+        // Its own energies for all strikes or for none, so that all parts are of one kind.
         let is_own = leader.felt.iter().all(|felt| felt.incident.is_some());
         let came = |felt: &FeltStrike| felt.incident.filter(|_| is_own).unwrap_or(simulated);
         let end = chain.solution.at(chain.scenario.duration);
@@ -184,7 +184,7 @@ fn share(row: &BeadRow, first: usize, place: usize, came: impl Fn(&FeltStrike) -
     (count > 0.0).then(|| sum.map(|sum| sum / count))
 }
 
-/// E(n) from what each host's intruder took, as parts of what came to `first`.
+/// E(n) from the energy that each host's intruder took, as a part of the energy that came to `first`.
 fn after(taken: &[Taken], first: usize, rows_of_n: &[f64]) -> Vec<After> {
     let of = |taken: &Taken| {
         let [a, b] = taken.measured.unwrap_or([taken.f64_chain; 2]);
@@ -223,7 +223,7 @@ fn after(taken: &[Taken], first: usize, rows_of_n: &[f64]) -> Vec<After> {
     all
 }
 
-/// The lines through what was measured, and which hosts between measured nothing.
+/// The lines through the measured energies, and the hosts between them that measured nothing.
 fn fits(after: &[After], taken: &[Taken]) -> (FourSides<Option<TransmissionFit>>, Vec<usize>) {
     let is_measured = |one: &Taken| one.measured.is_some();
     let ends = (
@@ -235,7 +235,7 @@ fn fits(after: &[After], taken: &[Taken]) -> (FourSides<Option<TransmissionFit>>
     };
     let gaps = taken[from..=to].iter().filter(|one| !is_measured(one));
     let gaps: Vec<usize> = gaps.map(|one| one.bead).collect();
-    // Before the first of them, and after each.
+    // E before the first of them, and after each.
     let stretch = &after[from..=to + 1];
     let fit = |side: usize| {
         let points: Vec<(usize, f64)> = stretch.iter().map(|one| (one.n, one.left.each()[side])).collect();
@@ -248,8 +248,9 @@ fn fits(after: &[After], taken: &[Taken]) -> (FourSides<Option<TransmissionFit>>
 mod tests {
     use super::*;
 
-    /// E(n) where hosts from bead 7 on each take a tenth of what came, and by B a thousandth of it more, as
-    /// parts of what came to the first that recorded; those of which `measured` is false did not record.
+    /// E(n) where each host from bead 7 takes a tenth of the energy that comes to it, and a thousandth more
+    /// by B, as parts of the energy at the first host that recorded. Hosts whose `measured` is false did not
+    /// record.
     fn energies(measured: &[bool]) -> (Vec<After>, FourSides<Option<TransmissionFit>>, Vec<usize>) {
         let first = measured.iter().position(|measured| *measured).unwrap();
         let power = |n: usize| 0.9_f64.powi(n as i32);

@@ -1,10 +1,10 @@
 //! Waves that come to a bead after the main one.
 //!
 //! # Design
-//! A later wave is low and lies on the tail of the main one, where noise makes and hides dips. The simulated
-//! force, which has no noise, says where there is a wave, and the bead what it sensed about then. Where the
-//! simulation has none, the bead's own wave must be plain. Both forces are means over `SMOOTH` samples, which
-//! takes 1 % from a wave of 0.3 ms.
+//! A later wave is low and rides on the tail of the main one, where noise makes and hides dips. The simulated
+//! force, which has no noise, shows where a wave is; the bead's is the highest force that it sensed near that
+//! time. Where the simulation has no wave, the bead's own must be distinct. Both forces are averaged over
+//! `SMOOTH` samples, which lowers a wave of 0.3 ms by 1 %.
 
 use std::ops::Range;
 
@@ -12,13 +12,13 @@ use serde::Serialize;
 
 use crate::traces::SensedPoint;
 
-/// Samples in a mean: odd.
+/// Samples in a mean, an odd number.
 const SMOOTH: usize = 9;
 /// Greatest distance of the bead's wave from the simulated one, in samples.
 const NEAR: usize = 15;
 
-/// Conditions of a wave: its least height, as a part of the main one, and the part of its height that the
-/// force is below before and after it.
+/// Conditions for a wave: its least height, as a part of the main one's, and the part of its own height below
+/// which the force falls before and after it.
 type Plain = [f64; 2];
 
 const SIMULATED: Plain = [5e-3, 0.5];
@@ -42,7 +42,7 @@ pub struct Wave {
     pub after: f64,
 }
 
-/// The strongest later wave of a strike. `None` if neither saw one.
+/// The strongest later wave of a strike. `None` if neither bead nor chain has one.
 pub(super) fn later_wave(force: &[SensedPoint]) -> Option<LaterWave> {
     let smooth = |value: fn(&SensedPoint) -> f64| -> Vec<f64> {
         let values: Vec<f64> = force.iter().map(value).collect();
@@ -85,7 +85,7 @@ fn strongest(values: &[f64], main: usize, plain: Plain) -> Option<usize> {
 fn waves(values: &[f64], main: usize, [height, fall]: Plain) -> Vec<usize> {
     let least = height * values[main];
     let mut waves = Vec::new();
-    // The wave that is being looked at, and the least force since the one before.
+    // The top of the current wave, and the least force since the wave before.
     let (mut top, mut low) = (None, values[main]);
     for at in main + 1..values.len() {
         let value = values[at];
@@ -129,11 +129,11 @@ mod tests {
         let found = |force: &[f64]| waves(force, 20, SIMULATED);
         assert_eq!(found(&force(&[7.0, 1.0, 0.5])), [40, 60]);
         assert_eq!(found(&force(&[7.0, 0.0, 0.03])), [0; 0], "too low");
-        // A shoulder of the main wave is none.
+        // A shoulder of the main wave is not a wave.
         let mut shoulder = force(&[7.0]);
         shoulder[26] += 0.1;
         assert_eq!(found(&shoulder), [0; 0]);
-        // One that the window cuts has no height.
+        // A wave that the window cuts has no height.
         assert_eq!(found(&force(&[7.0, 1.0])[..41]), [0; 0]);
     }
 

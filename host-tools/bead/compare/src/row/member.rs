@@ -35,9 +35,9 @@ pub(crate) struct FeltStrike {
     /// Energy that the main wave brought, by the bead's force, J; none if its force left the range of the
     /// sensor, samples are missing, or the chain is under a load.
     pub(super) incident: Option<f64>,
-    /// The instant of the striker's hit, by the host's time and the simulated way of the wave, s.
+    /// The instant of the striker's hit, by the host's time less the simulated travel time of the wave, s.
     pub(super) struck: Option<f64>,
-    /// The instant at which the force rose through half of its height, s on the time in common; none if it
+    /// The instant at which the force rose through half of its height, s in the common time; `None` if it
     /// left the range of the sensor.
     pub(super) rise: Option<f64>,
     /// `rise` on the time of [`FeltStrike::traces`].
@@ -54,9 +54,9 @@ pub struct RowBead {
     /// The chain around it.
     pub chain: FullChain,
     pub(crate) felt: Vec<FeltStrike>,
-    /// Its window at the first of them.
+    /// Its window at the first strike.
     pub window: Option<WindowSettings>,
-    /// Echoes that it measured, and which are left out.
+    /// Echoes that it measured, which are left out.
     pub echoes: usize,
     /// Its results beside the simulation.
     pub compared: BeadOfRow,
@@ -132,8 +132,8 @@ fn beside(values: &[f64], f64_chain: Option<f64>) -> Option<DeviceAndChain> {
 }
 
 impl RowBead {
-    /// Reads what came from a bead and holds it against the chain. `fitted` is the striker's velocity in it,
-    /// if it was fitted.
+    /// Reads a bead's frames and compares them with the chain. `fitted` is the striker's velocity in it, if
+    /// it was fitted.
     pub(super) fn read(
         placed: &PlacedBead,
         chain: &RowChain,

@@ -1,14 +1,14 @@
 //! A row of beads that felt the same strikes, against one simulation of their chain.
 //!
 //! # Design
-//! Each bead is held against the chain, and judged, as a bead alone is ([`crate::bead`]). A row also tells:
+//! Each bead is compared with the chain and judged as a single bead is ([`crate::bead`]). A row adds:
 //!
-//! - **Equal strikes**, by the host's time, on which a strike is within a millisecond at all beads.
-//! - **Arrivals of the wave**, on the time that the beads have in common by their sync edges. Each strike is
-//!   placed where the differences from the simulation have the mean 0.
+//! - **Equal strikes**, by the host's time, in which all beads place a strike within a millisecond.
+//! - **Arrivals of the wave**, in the common time that the beads' sync edges define. Each strike is placed
+//!   where the differences from the simulation have the mean 0.
 //! - **Energy along the row**, E(n), and **later waves** behind the main one.
 //!
-//! A bead of which something is missing has no value there, and a note says so.
+//! Where a bead lacks data it has no value, and a note says so.
 
 mod arrivals;
 mod chain;

@@ -36,7 +36,7 @@ pub fn charts(row: &BeadRow, chain: &RowChain, compared: &RowComparison) -> [Cha
     [overview, wide(of_accelerations, time(), details)]
 }
 
-/// From shortly before the wave comes to the first bead until it has passed the last, s.
+/// The span from shortly before the wave comes to the first bead until it has passed the last, s.
 fn span(row: &BeadRow, chain: &RowChain) -> [f64; 2] {
     let fronts = row.members.iter().map(|member| member.chain.front());
     let (first, last) = fronts.fold((f64::INFINITY, 0.0_f64), |(low, high), front| {
@@ -46,15 +46,15 @@ fn span(row: &BeadRow, chain: &RowChain) -> [f64; 2] {
     [(first - BEFORE).clamp(0.0, end), (last + AFTER).min(end)]
 }
 
-/// For each bead its curves of one strike, and how much later than they say it came by the time in common: of
-/// the strike that most beads felt, of those whose curves are kept.
+/// For each bead its curves of one strike, and the delay of its arrival in the common time after that in the
+/// curves, s. The strike is the one that most beads felt, of those whose curves are kept.
 fn drawn(row: &BeadRow) -> Vec<Option<(&Traces, f64)>> {
     let of = |strike: &Vec<Option<usize>>| {
         let zero = row.zero(strike);
         let felt = row.felt(strike).into_iter();
         felt.map(|felt| curves(felt?, zero)).collect::<Vec<_>>()
     };
-    // Of equal ones the first.
+    // Of equals the first.
     let strikes = row.strikes.iter().rev().map(of);
     strikes
         .max_by_key(|felt| felt.iter().flatten().count())
@@ -62,7 +62,7 @@ fn drawn(row: &BeadRow) -> Vec<Option<(&Traces, f64)>> {
 }
 
 fn curves(felt: &FeltStrike, zero: Option<f64>) -> Option<(&Traces, f64)> {
-    // Without a time in common a curve stands where it fits the simulation best.
+    // Without a common time, a curve is drawn where it fits the simulation best.
     let late = zero.zip(felt.rise.zip(felt.rise_drawn));
     let late = late.map_or(0.0, |(zero, (rise, drawn))| rise - zero - drawn);
     Some((felt.traces.as_ref()?, late))
@@ -86,7 +86,7 @@ impl DrawnQuantity {
     fn panel(self, row: &BeadRow, chain: &RowChain) -> Panel {
         let [from, to] = span(row, chain);
         let is_member = |bead: usize| row.members.iter().any(|member| member.bead == bead);
-        // One name for all, beside the mark that lies under the beads' own.
+        // One name for all simulated curves, beside the mark that is drawn under the beads' own.
         let named = self.simulated.iter().position(|(bead, _)| is_member(*bead));
         let mut series = Vec::new();
         for (number, (bead, points)) in self.simulated.iter().enumerate() {
@@ -163,7 +163,7 @@ fn acceleration(row: &BeadRow, chain: &RowChain) -> Panel {
     let hosts = chain.hosts.iter().copied();
     let hosts = hosts.filter(|host| (first..=last).contains(host));
     let simulated = simulated(row, chain, hosts, |bead| chain.solution.acceleration_curve(bead));
-    // As high, up and down together, as the forces.
+    // The accelerations reach as high, up and down together, as the forces.
     let reach = |(_, points): &(usize, Vec<(f64, f64)>)| {
         let off = points.iter().map(|point| (point.1 - points[0].1).abs());
         off.fold(0.0, f64::max)

@@ -19,13 +19,13 @@ use crate::row::strikes::BeadRow;
 use crate::spread::Spread;
 use crate::verdict::passed;
 
-/// A row, compared, and what is known of the run.
+/// A compared row, and the facts of its run.
 pub struct ComparedRow<'a> {
     /// The recording's name.
     pub recording: &'a str,
     /// The beads' strikes.
     pub row: &'a BeadRow,
-    /// The chain that they are held against.
+    /// The chain that they are compared with.
     pub chain: &'a RowChain,
     /// The comparison.
     pub compared: &'a RowComparison,
@@ -261,7 +261,7 @@ fn energy(energy: &EnergyAlong) -> Option<Chapter> {
     fit.resize(6, "".into());
     let shown = |fit: TransmissionFit| format!("{:.5} ± {:.5}", fit.transmission, fit.uncertainty);
     fit.extend(energy.fit.each().map(|fit| GridCell::known(fit.map(shown))));
-    // A narrow window has the two sides that are compared.
+    // A narrow window shows only the two sides that are compared.
     let headings =
         "n | ~bead | E(n), % by A | ~by B | f64 chain | ~rows of n | T by A | ~by B | f64 chain | ~rows of n";
     let table = Grid::new(headings, energy.after.iter().map(row).chain([fit]));

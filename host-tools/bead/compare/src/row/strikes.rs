@@ -1,4 +1,4 @@
-//! The strikes of a row of beads: the ones of several beads that are one.
+//! The strikes of a row of beads, each matched across the beads that felt it.
 
 use rayon::prelude::*;
 
@@ -9,21 +9,21 @@ use crate::velocity::FittedVelocity;
 use bead_recording::clock::CommonTime;
 use bead_recording::file::Recording;
 
-/// Two beads' strikes are one if the striker hit within this time, s. A bead measures no two strikes within
-/// twice of it, and the host's time is within a millisecond for each.
+/// Greatest difference of the hit times that two beads give for one strike, s. A bead measures no two strikes
+/// within twice this time, and its host time is right to a millisecond.
 const SAME: f64 = 7.5e-3;
 
 /// The beads of a row, and their strikes.
 pub struct BeadRow {
     /// The beads, from the striker on.
     pub members: Vec<RowBead>,
-    /// Each strike: for each bead, which of its strikes that is.
+    /// For each strike and each bead, the place among the bead's strikes.
     pub strikes: Vec<Vec<Option<usize>>>,
 }
 
 impl BeadRow {
-    /// Reads what came from the beads, holds it against the chain, and finds which strikes are one. `fitted`
-    /// is the striker's velocity in the chain, if it was fitted.
+    /// Reads the beads' frames, compares them with the chain, and matches their strikes. `fitted` is the
+    /// striker's velocity in the chain, if it was fitted.
     ///
     /// # Errors
     /// The recording cannot be read.
@@ -47,8 +47,8 @@ impl BeadRow {
         beads.map(|(member, at)| Some(&member.felt[(*at)?])).collect()
     }
 
-    /// The instant of the striker's hit, s on the time in common; none if fewer than two beads can tell. The
-    /// differences of the arrivals from the simulation then have the mean 0.
+    /// The instant of the striker's hit in the common time, s, at which the arrivals differ from the
+    /// simulation by 0 in the mean. `None` if fewer than two beads have an arrival.
     pub(super) fn zero(&self, strike: &[Option<usize>]) -> Option<f64> {
         let felt = self.felt(strike).into_iter().zip(&self.members);
         let late = felt.filter_map(|(felt, member)| Some(felt?.rise? - member.chain.front()));
@@ -93,7 +93,7 @@ struct StrikeAtBead {
     at: usize,
 }
 
-/// The strikes, in the order of their time: for each bead, which of its strikes that is.
+/// The strikes in the order of their time: for each bead, the place among its strikes.
 fn together(members: &[RowBead]) -> Vec<Vec<Option<usize>>> {
     let mut all = Vec::new();
     for (place, member) in members.iter().enumerate() {
@@ -107,7 +107,7 @@ fn together(members: &[RowBead]) -> Vec<Vec<Option<usize>>> {
     grouped(all, members.len())
 }
 
-/// Strikes by their time, and behind them those without a time: among these, one number is one strike.
+/// Groups strikes by their time. Those without a time follow, grouped by their number.
 fn grouped(mut all: Vec<StrikeAtBead>, beads: usize) -> Vec<Vec<Option<usize>>> {
     all.sort_by(|a, b| {
         let [a_time, b_time] = [a, b].map(|strike| strike.struck.unwrap_or(f64::INFINITY));
@@ -124,7 +124,7 @@ fn grouped(mut all: Vec<StrikeAtBead>, beads: usize) -> Vec<Vec<Option<usize>>> 
         });
         match strikes.last_mut() {
             Some(beads) if is_same && beads[strike.place].is_none() => beads[strike.place] = Some(strike.at),
-            // After a reset the numbers begin anew; only the first of them can be told.
+            // Numbers begin again after a reset, so only the first strike of a number can be identified.
             Some(_) if is_same && strike.struck.is_none() => {}
             _ => {
                 let mut next = vec![None; beads];
@@ -141,7 +141,8 @@ fn grouped(mut all: Vec<StrikeAtBead>, beads: usize) -> Vec<Vec<Option<usize>>> 
 mod tests {
     use super::*;
 
-    /// A strike at the time `struck`, s: its number, the bead's place, and which of its strikes it is.
+    /// A strike at the time `struck`, s: its number, the bead's place, and its place among the bead's
+    /// strikes.
     fn at(struck: impl Into<Option<f64>>, (number, place, at): (u32, usize, usize)) -> StrikeAtBead {
         StrikeAtBead {
             struck: struck.into(),
@@ -164,7 +165,7 @@ mod tests {
             grouped(all, 3),
             [first, [Some(1), Some(0), Some(1)], [Some(2), Some(1), Some(2)]]
         );
-        // A bead has one strike of each.
+        // A group has at most one strike of a bead.
         assert_eq!(
             grouped(vec![at(0.0, (0, 0, 0)), at(1e-3, (0, 0, 1))], 1),
             [[Some(0)], [Some(1)]]
@@ -173,7 +174,7 @@ mod tests {
 
     #[test]
     fn strikes_without_a_time_go_by_their_number_and_leave_the_others_to_their_time() {
-        // The second bead lost its first strike: by number the others would be another's.
+        // The second bead lost its first strike: by number, its others would match the wrong strikes.
         let timed = [at(0.0, (0, 0, 0)), at(0.05, (1, 0, 1)), at(0.05, (0, 1, 0))];
         let timeless = [(0, 0, 2), (0, 1, 1), (1, 1, 2)].map(|strike| at(None, strike));
         let by_time = [[Some(0), None], [Some(1), Some(0)]];

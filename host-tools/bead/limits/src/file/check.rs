@@ -14,7 +14,7 @@ const QUALITY: f64 = 10.0;
 const PER_OCTAVE: u32 = 12;
 
 impl FileText {
-    /// The limits, if each of them is one.
+    /// The limits, if each of them is valid.
     pub(super) fn checked(self) -> Result<Limits, InputError> {
         if self.limit.is_empty() {
             let advice = "add a [[limit]], such as quantity = \"peak_force\" with max = 10.0; `bead judge --template` shows all";
@@ -204,7 +204,7 @@ fn check(at: &dyn Fn(&str) -> String, limits: Interval) -> Result<(), InputError
     }
 }
 
-/// Characters of a word of the file in a message.
+/// Greatest number of characters of a word of the file in a message.
 const WORD_MOST: usize = 40;
 
 fn shortened(word: &str) -> String {

@@ -4,12 +4,12 @@ use crate::mask::Mask;
 use crate::quantity::{Quantity, Scalar};
 use crate::rule::{DecisionRule, Interval};
 
-/// Limits, and how values are held against them.
+/// The limits of a file, and the strikes that they need.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Limits {
     /// A name, for people.
     pub title: String,
-    /// Strikes that each bead must have, at least.
+    /// Least number of strikes of each bead.
     pub strikes: usize,
     /// The limits, one at least.
     pub limits: Vec<Limit>,
@@ -28,7 +28,7 @@ pub struct Limit {
     pub interval: Interval,
     /// Limits over frequency, of a spectrum.
     pub mask: Option<Mask>,
-    /// Addresses of the beads that it holds for; empty for all.
+    /// Addresses of the beads that it applies to; empty for all.
     pub beads: Vec<u8>,
 }
 

@@ -37,7 +37,7 @@ mod tests {
             .find_map(|limit| limit.mask.as_ref())
             .unwrap();
         assert_eq!(mask.range(), (500.0, 5000.0));
-        // Those that are remarks are read, too.
+        // The limits in its remarks are read, too.
         let all: String = TEMPLATE
             .lines()
             .map(|line| format!("{}\n", line.strip_prefix("#:").unwrap_or(line)))

@@ -23,7 +23,7 @@ pub(super) struct Keys {
 }
 
 impl Keys {
-    /// Does what a key is for, with the bead that is chosen. True if it ends the page.
+    /// Acts on a key for the chosen bead. Returns true if the key ends the page.
     pub(super) fn press(
         &mut self,
         key: KeyEvent,

@@ -2,8 +2,8 @@
 //!
 //! # Design
 //! ratatui draws the page into cells and writes only those that change. The page is drawn ten times a second
-//! at most, on the thread that reads the keys; the recorder never waits for it. The terminal is put back as
-//! it was at the end, on a panic, and by [`restore`] where a signal ends the program.
+//! at most, on the thread that reads the keys; the recorder never waits for it. The terminal is restored at
+//! the end, on a panic, and by [`restore`] where a signal ends the program.
 
 mod keys;
 mod page;
@@ -33,7 +33,7 @@ pub fn restore() {
     }
 }
 
-/// True if both ends of this program are a terminal, which keys and page need.
+/// True if standard input and output are a terminal, as keys and page need.
 pub fn is_there() -> bool {
     io::stdin().is_terminal() && io::stdout().is_terminal()
 }
@@ -60,7 +60,7 @@ fn show(
     let has_colours = env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
     let mut keys = Keys::default();
     while !stop.load(Ordering::Relaxed) {
-        // A terminal that hung up has no attributes any more, while its end may read as silence.
+        // The attributes of a terminal that hung up cannot be read; its input may merely seem silent.
         rustix::termios::tcgetattr(io::stdin())?;
         let content = {
             let mut monitor = monitor.lock();

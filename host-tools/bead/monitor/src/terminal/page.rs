@@ -13,7 +13,7 @@ use crate::model::{BeadView, Monitor, MonitorView};
 use crate::strike::{Curves, ShownStrike};
 use crate::terminal::keys::Keys;
 
-/// The least size of the whole page. A smaller window gets the numbers alone.
+/// The least size of the whole page. A smaller window gets only the numbers.
 const WHOLE: (u16, u16) = (72, 20);
 /// Greatest number of beads in the table; the chosen one is among them.
 const BEADS: usize = 10;
@@ -33,7 +33,7 @@ pub(super) struct Content {
 }
 
 impl Content {
-    /// The state now. A choice of what is not there becomes the nearest one.
+    /// The state now. A choice beyond the last bead or strike becomes the last one.
     pub(super) fn of(monitor: &mut Monitor, keys: &mut Keys) -> Self {
         let view = monitor.view();
         keys.bead = keys.bead.min(view.beads.len().saturating_sub(1));
@@ -57,7 +57,7 @@ impl Content {
     }
 }
 
-/// Styles, which are attributes alone without colours.
+/// Styles. Without colours they are only attributes.
 #[derive(Clone, Copy)]
 struct Look {
     has_colours: bool,
@@ -118,7 +118,7 @@ pub(super) fn draw(frame: &mut Frame<'_>, content: &Content, keys: &Keys, has_co
     frame.render_widget(key_line(keys, bottom.width, look), bottom);
 }
 
-/// The numbers alone, one in a line, as far as they fit.
+/// Only the numbers, one in a line, as far as they fit.
 fn draw_small(frame: &mut Frame<'_>, content: &Content, keys: &Keys, look: Look) {
     let area = frame.area();
     let mut lines = Vec::new();

@@ -5,7 +5,7 @@ use serde::Serialize;
 use crate::clock::fit::Fit;
 use crate::clock::segments::Segment;
 
-/// Two edges that are farther apart in host time are not the same, s.
+/// Greatest difference in host time of two records of one edge, s.
 const SAME_EDGE: f64 = 0.25;
 
 /// One bead's clock against another's, by edges that both saw.
@@ -86,7 +86,7 @@ impl Alignment {
 #[derive(Debug, Clone)]
 pub(super) struct PlacedEdges {
     edges: Vec<(f64, i64)>,
-    /// Time of the host between the two that are closest, s.
+    /// Host time between the two closest edges, s.
     closest: f64,
 }
 
@@ -112,7 +112,7 @@ impl PlacedEdges {
         let mut pairs = Vec::new();
         let mut rest = &reference.edges[..];
         for &(time, host) in &self.edges {
-            // Those before are before all that follow, too.
+            // Edges before this one are also before all that follow.
             let after = |edge: &(f64, i64)| edge.1.saturating_sub(host) as f64 * 1e-9;
             rest = &rest[rest.partition_point(|edge| after(edge) < -within)..];
             if let Some(edge) = rest.first().filter(|edge| after(edge) <= within) {

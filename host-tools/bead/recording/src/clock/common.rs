@@ -1,4 +1,4 @@
-//! The time that the beads of one recording have in common.
+//! The common time of the beads of one recording.
 
 use crate::clock::alignment::{Alignment, PlacedEdges};
 use crate::clock::fit::Fit;
@@ -6,21 +6,21 @@ use crate::clock::segments::{Boots, Segment, Tracker};
 use crate::file::{Recording, RecordingError};
 use crate::strikes::RecordedStrike;
 
-/// A time for all beads of a recording, as far as they saw the same sync edges; and the host's for each.
+/// The common time of all beads of a recording that saw the same sync edges, and the host's time for each.
 #[derive(Debug, Clone)]
 pub struct CommonTime {
     places: Boots,
     /// By segment; `None` for a boot whose clock cannot be fitted.
     boots: Vec<Option<BootClock>>,
-    /// Segment of the boot whose time it is, `None` if no two boots have edges in common.
+    /// Segment of the boot that defines the common time, `None` if no two boots have edges in common.
     reference: Option<usize>,
     /// True seconds in one of the reference, as far as known.
     pace: f64,
 }
 
-/// The host's clock says how fast a crystal is if it is as sure as this, ppm. Else the mean of all crystals
-/// does, which is nearer the truth than one of them. The wave takes 2 ms along a row, of which 100 ppm are
-/// 0.2 µs.
+/// Greatest uncertainty with which the host's clock gives the pace of a crystal, ppm. Above it, the mean of
+/// all crystals does, which is nearer the truth than one of them. The wave takes 2 ms along a row, of which
+/// 100 ppm are 0.2 µs.
 const SURE: f64 = 10.0;
 
 /// Edges that two clocks must have in common.
@@ -50,8 +50,8 @@ impl BootClock {
 }
 
 impl CommonTime {
-    /// From the edges in a recording. The time is that of the boot that has edges in common with most others;
-    /// of several, the first.
+    /// Derives the time from the edges in a recording. It is that of the boot that has edges in common with
+    /// most others; of several such boots, the first.
     ///
     /// # Errors
     /// The file cannot be read.
@@ -103,8 +103,8 @@ impl CommonTime {
         Some((at, self.boots.get(at)?.as_ref()?))
     }
 
-    /// Time in common of a sample of the bead, in the boot of this strike, s. `None` for a boot that saw
-    /// fewer than two edges in common, or if no two boots did.
+    /// Common time of a sample of the bead, in the boot of this strike, s. `None` if the boot saw fewer than
+    /// two edges in common, or if no two boots did.
     pub fn common(&self, strike: &RecordedStrike, sample: f64) -> Option<f64> {
         let (at, own) = self.boot(strike)?;
         let time = sample / own.rate;
@@ -119,16 +119,16 @@ impl CommonTime {
         self.reference.is_some()
     }
 
-    /// Host time of a sample of the bead, in the boot of this strike, s since 1970, to the delay of the line.
-    /// `None` if receive times are unknown.
+    /// Host time of a sample of the bead, in the boot of this strike, s since 1970, late by the delay of the
+    /// line. `None` if receive times are unknown.
     pub fn host(&self, strike: &RecordedStrike, sample: f64) -> Option<f64> {
         let (_, own) = self.boot(strike)?;
         Some(own.fit.host_ns(sample / own.rate) as f64 * 1e-9)
     }
 }
 
-/// True seconds in a second of the bead with this fit, by the host's clock, or by those that are aligned with
-/// it.
+/// True seconds in a second of the bead with this fit, by the host's clock, or by the clocks that are aligned
+/// with it.
 fn pace(fit: &Fit, onto: &[Option<Alignment>]) -> f64 {
     let fast = match fit.uncertainty_ppm {
         Some(within) if within < SURE => fit.drift_ppm,
@@ -153,7 +153,7 @@ mod tests {
         Fit::below(0, &points).unwrap()
     }
 
-    /// Another bead whose clock is faster by this much than the one whose time it is.
+    /// Another bead whose clock is faster by this much than the reference.
     fn faster(ppm: f64) -> Option<Alignment> {
         let pairs = (0..20).map(f64::from).map(|at| (at * (1.0 + ppm * 1e-6), at));
         Alignment::through(pairs.collect())

@@ -1,4 +1,4 @@
-//! Recordings, and how their clocks run: against the host, and against the first.
+//! Compares the clocks of recordings: with the host's, and with the first one's.
 
 use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
@@ -29,7 +29,7 @@ pub struct ClockComparison {
     pub left_out: Vec<String>,
 }
 
-/// Strikes that are shown at most.
+/// Greatest number of strikes that are shown.
 const STRIKES_MOST: usize = 100_000;
 
 /// A recording, a bead in it and one of its boots.
@@ -100,7 +100,7 @@ pub struct StrikeArrival {
 /// A boot of a bead, and its clock against the host's.
 type Fitted = (RecordedBoot, Fit, Segment);
 
-/// Reads recordings and finds how their clocks run.
+/// Reads recordings and compares their clocks.
 ///
 /// # Errors
 /// A recording cannot be read, has no receive times, or shares no edges with the first.
@@ -162,8 +162,8 @@ pub fn compare(paths: &[PathBuf]) -> Result<ClockComparison, RecordingError> {
 }
 
 impl ClockComparison {
-    /// Puts beads on the time of the boot with the edges `base`; gives the number of boots for which that was
-    /// possible.
+    /// Puts beads on the time of the boot with the edges `base`. Returns the number of boots for which that
+    /// was possible.
     fn align(&mut self, beads: &[Vec<Fitted>], base: Option<&PlacedEdges>) -> usize {
         let before = self.alignments.len();
         for (place, fit, segment) in beads.iter().flatten() {
@@ -185,7 +185,7 @@ impl ClockComparison {
     }
 }
 
-/// Says which bead two recordings have the same boot of; `None` if they have none in common.
+/// A line that names a bead whose boot is in both recordings; `None` if they have none in common.
 fn recorded_twice(one: &[Vec<Fitted>], other: &[Vec<Fitted>]) -> Option<String> {
     let boot = |(place, fit, segment): &Fitted| (place.address, segment.uid, fit.host_ns(0.0));
     let (place, ..) = one.iter().flatten().find(|fitted| {
@@ -200,7 +200,7 @@ fn recorded_twice(one: &[Vec<Fitted>], other: &[Vec<Fitted>]) -> Option<String> 
     ))
 }
 
-/// Why no bead of a recording could be put on the time of `base`.
+/// A line that says why no bead of a recording could be put on the time of `base`.
 fn nothing_in_common(base: &Segment, reference: &RecordedBoot, recording: &[Vec<Fitted>]) -> String {
     let mut segments = recording.iter().flatten().map(|(.., segment)| segment);
     let same = base
@@ -249,7 +249,7 @@ fn fitted(path: &Path) -> Result<Vec<Vec<Fitted>>, RecordingError> {
 /// Finds the front of each strike whose samples were received.
 fn find_fronts(segments: &mut [Segment], strikes: impl Iterator<Item = RecordedStrike>) {
     let boots = Boots::of(segments);
-    // The first of a number counts.
+    // Of several strikes with one number, the first counts.
     let mut numbers = HashMap::<(usize, u32), usize>::new();
     for (boot, segment) in segments.iter().enumerate() {
         for (at, struck) in segment.struck.iter().enumerate() {
@@ -287,7 +287,7 @@ fn clock_report((place, fit, segment): &Fitted) -> ClockReport {
     }
 }
 
-/// The strikes of a segment, at `place`, on the time that `reference` makes of the bead's own.
+/// The strikes of a segment, at `place`, on the time that `reference` derives from the bead's own.
 fn arrivals(segment: &Segment, place: &RecordedBoot, reference: impl Fn(f64) -> f64) -> Vec<StrikeArrival> {
     let arrival = |struck: &StrikePeak| {
         Some(StrikeArrival {
@@ -333,8 +333,7 @@ mod tests {
             }],
             ..Segment::default()
         };
-        // The low bytes are all 0. A strike that was fetched later tells no more than that: it is of the
-        // last.
+        // The low bytes are all 0. A fetched strike has nothing else, so it is of the last boot.
         for (nth_boot, place) in [(Some(0), 0), (Some(1), 1), (Some(2), 2), (None, 2)] {
             let mut boots = [boot(), boot(), boot()];
             find_fronts(&mut boots, [strike(nth_boot)].into_iter());

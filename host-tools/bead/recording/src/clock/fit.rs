@@ -1,6 +1,6 @@
 //! A bead's clock against the host's: the line below all frames in a plot of host time over bead time.
 
-/// Number of spans that say how uncertain a line is.
+/// Number of spans that determine the uncertainty of a line.
 const BINS: usize = 24;
 /// See the module's text; found by simulation.
 const COVERAGE: f64 = 3.0;
@@ -8,13 +8,13 @@ const COVERAGE: f64 = 3.0;
 const LEAST_SPAN: f64 = 1.0;
 const LEAST_BUCKETS: usize = 4;
 
-/// No crystal is as far from its frequency, ppm; crystals in order are within 100.
+/// Distance from its frequency that no crystal reaches, ppm; good crystals are within 100.
 pub const CRYSTAL_PPM: f64 = 1000.0;
 
 /// A bead's clock against the host's.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fit {
-    /// Host time in ns since 1970 that the others are counted from.
+    /// Origin of the other host times, ns since 1970.
     origin_ns: u64,
     /// Host time at the bead's time 0, s after the origin.
     offset: f64,
@@ -29,7 +29,7 @@ pub struct Fit {
     pub residual: f64,
     /// Median delay of a frame behind the line, s.
     pub delay: f64,
-    /// From the first frame to the last, s of the bead.
+    /// Time from the first frame to the last, s of the bead.
     pub span: f64,
 }
 
@@ -67,8 +67,8 @@ impl Fit {
     }
 
     /// Returns `true` if the frames came as fast as the bead's time passed. An emulated bead may run faster
-    /// or slower, and a stream out of a pipe comes at once: its times on the host say nothing of a crystal
-    /// then.
+    /// or slower, and a stream from a pipe comes at once: their times on the host say nothing about a
+    /// crystal.
     pub fn in_real_time(&self) -> bool {
         self.uncertainty_ppm
             .is_none_or(|within| self.drift_ppm.abs() - within < CRYSTAL_PPM)

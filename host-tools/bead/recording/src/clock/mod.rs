@@ -13,15 +13,15 @@
 //! `COVERAGE` · m · √(12 / bins) / time. Over simulated delays of several kinds this interval holds the true
 //! drift in nineteen cases of twenty (`the_drift_is_found_…`).
 //!
-//! The line cannot tell the least delay itself. Host times from the line are late by that delay: about 0.2 ms
-//! over UART and USB, and equal for beads on equal connections.
+//! The line does not show the least delay itself. Host times from the line are late by that delay: about 0.2
+//! ms over UART and USB, and equal for beads on equal connections.
 //!
 //! **Against one another.** Edges on a line that all beads share ([`bead_wire::Sync`]) have no delay at all.
 //! The fits against the host say which edges of two beads are the same. A straight line through the pairs, by
-//! least squares, gives the [`Alignment`]. Residuals above the counters' step of 12 ns are what the crystals
-//! did between edges.
+//! least squares, gives the [`Alignment`]. Residuals above the counters' step of 12 ns come from the crystals
+//! between edges.
 //!
-//! A restart of a bead begins a new [`Segment`]. A new epoch does not, as the sample index goes on. Beads
+//! A restart of a bead begins a new [`Segment`]. A new epoch does not, as the sample index continues. Beads
 //! that share a line are told apart by their address: each has segments of its own.
 
 mod alignment;

@@ -9,18 +9,18 @@ use crate::file::{Recording, RecordingError};
 use crate::frames::{Frame, Item};
 use crate::strikes::RecordedStrike;
 
-/// Samples in a bucket at first: a quarter of a second. Of the frames in a bucket only the one with the least
-/// delay is kept.
+/// Initial number of samples in a bucket: a quarter of a second. A bucket keeps only its frame with the least
+/// delay.
 const BUCKET: f64 = 25_000.0;
-/// Buckets that are kept. Where there are more, after half an hour, each two become one.
+/// Greatest number of buckets. Beyond it, after half an hour, pairs of buckets are merged.
 const BUCKETS_MOST: usize = 8192;
 
 /// A frame's place on both clocks.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ClockPoint {
-    /// Of the bead, in samples.
+    /// Place on the bead's clock, in samples.
     pub(super) bead: f64,
-    /// Of the host, in ns since the segment's first.
+    /// Place on the host's clock, in ns since the segment's first frame.
     pub(super) host_ns: f64,
 }
 
@@ -57,9 +57,9 @@ pub struct Segment {
     pub(super) origin_ns: Option<u64>,
     /// The frame with the least delay of each bucket.
     pub(super) buckets: BTreeMap<u64, ClockPoint>,
-    /// Number of times that each two buckets became one.
+    /// Number of times that pairs of buckets were merged.
     pub(super) halved: u32,
-    /// ns of the host in a sample, as far as known when that was done last.
+    /// Host time of a sample, as known at the last merge, ns.
     pub(super) pace: Option<f64>,
 }
 
@@ -85,7 +85,8 @@ impl Segments {
     }
 }
 
-/// Sorts the frames of beads into segments. Of each it keeps some thousand frames, and all edges and strikes.
+/// Sorts the frames of beads into segments. For each it keeps some thousand frames, and all edges and
+/// strikes.
 #[derive(Debug, Clone, Default)]
 pub struct Tracker {
     /// The segments, in the order in which they began.
@@ -134,7 +135,7 @@ impl Boots {
         Self { boots }
     }
 
-    /// The index of a strike's segment among them. For a fetched strike it is the last boot with its byte.
+    /// The index of a strike's segment. For a fetched strike, that of the last boot with its low byte.
     pub fn find(&self, strike: &RecordedStrike) -> Option<usize> {
         let is_its = |(_, (address, _)): &(usize, &(u8, u8))| *address == strike.address;
         let mut its = self.boots.iter().enumerate().filter(is_its);
@@ -227,8 +228,8 @@ impl Segment {
         }
     }
 
-    /// Delay of a frame, in ns, against a clock of the pace that was found so far. Within a first bucket the
-    /// best crystal and the worst differ by 0.1 ms, so that the nominal rate will do.
+    /// Delay of a frame, in ns, against a clock of the pace found so far. Within a first bucket the best
+    /// crystal and the worst differ by 0.1 ms, so the nominal rate is sufficient.
     fn late(&self, point: &ClockPoint) -> f64 {
         let nominal = 1e9 / self.sample_rate_hz.map_or(1e5, f64::from);
         point.host_ns - point.bead * self.pace.unwrap_or(nominal)
@@ -242,7 +243,7 @@ impl Segment {
         }
     }
 
-    /// Merges each two buckets. They are long then, and the drift that was found so far shows which frame was
+    /// Merges pairs of buckets. These are long, so the drift found so far is needed to see which frame was
     /// late.
     fn halve(&mut self) {
         if let (Some(fit), Some(rate)) = (self.fit(), self.sample_rate_hz) {

@@ -236,7 +236,7 @@ fn after_a_power_cycle_a_strike_is_on_the_time_of_its_own_boot() {
     assert_eq!(at(7, Some(0)), None);
     assert_eq!(at(7, Some(1)), at(8, Some(0)));
     assert!(at(7, Some(1)).is_some());
-    // A strike that was fetched later has no more than the byte.
+    // A strike that was fetched later has only the low byte.
     assert_eq!(at(7, None), at(7, Some(1)));
     // A boot beyond those that are kept.
     assert_eq!(at(7, Some(2)), None);

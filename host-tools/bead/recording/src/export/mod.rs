@@ -1,4 +1,4 @@
-//! Recordings as tables and as files of other trades.
+//! Recordings as tables and in the file formats of other fields.
 //!
 //! # Design
 //! The table `strikes` has a row for each strike of each bead, `samples` a row for each sample of their

@@ -1,7 +1,7 @@
 //! The table `samples`: a row for each sample of a strike's window. Both gains are merged into one signal in
 //! SI units by the bead's own code ([`Signal`]); the codes stand beside it. A sample that was not received
-//! has a row with neither, up to the last one that was; behind it the codes stand alone, as that code needs
-//! what is missing.
+//! has a row with neither, up to the last one that was. After a gap there are only codes, as the bead's code
+//! needs the missing samples.
 
 use std::sync::Arc;
 

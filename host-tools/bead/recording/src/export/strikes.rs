@@ -1,5 +1,4 @@
-//! The table `strikes`: what a bead said of each strike, of its shape, and the settings that it measured
-//! with.
+//! The table `strikes`: a bead's report of each strike and its shape, and the settings that it measured with.
 
 use bead_model::Settings;
 use bead_model::violation::SettingKey;
@@ -85,7 +84,7 @@ fn cells(row: Option<(u64, &str, &RecordedStrike)>) -> Vec<(Column, Cell)> {
     cells
 }
 
-/// The column that a standard uncertainty stands behind, its key, and its value.
+/// The column that a standard uncertainty follows, its key, and its value.
 fn uncertainties(strike: Option<&RecordedStrike>) -> [(&'static str, &'static str, Option<f64>); 5] {
     let energies = strike.and_then(|strike| of_energies(strike.shape.as_ref()?, &strike.said));
     let forces = strike.and_then(|strike| {

@@ -2,10 +2,10 @@
 //!
 //! # Design
 //! Dataset 164 says that all is in SI units. Then comes a dataset 58 for each force and each acceleration, in
-//! text, as every reader takes it: a function of time, evenly spaced, in double precision (SDRC I-DEAS Test
-//! Data Analysis, Universal Dataset 58). Its twelve digits behind the point tell every value of the bead from
-//! the next one: forces are multiples of 2^-16 N below 2^15, accelerations multiples of 2^-12 m/s² below
-//! 2^19. The node is the address of the bead; time 0 is the trigger.
+//! text, which every reader accepts: a function of time, evenly spaced, in double precision (SDRC I-DEAS Test
+//! Data Analysis, Universal Dataset 58). Its twelve digits after the point distinguish every value of the
+//! bead from the next: forces are multiples of 2^-16 N below 2^15, accelerations multiples of 2^-12 m/s²
+//! below 2^19. The node is the address of the bead; time 0 is the trigger.
 
 use std::io::{self, Write};
 
@@ -26,8 +26,8 @@ pub fn begin(out: &mut impl Write) -> io::Result<()> {
     })
 }
 
-/// Writes the two functions of a strike; false, and nothing is written, if its settings or its quiet start
-/// are not known, so that nothing of it is in SI units.
+/// Writes the two functions of a strike. Returns false and writes nothing if its settings or its quiet start
+/// are unknown, as no value in SI units is then known.
 ///
 /// # Errors
 /// It cannot be written.

@@ -1,11 +1,11 @@
 //! Adds notes to a recording that is complete.
 //!
 //! # Design
-//! The mcap crate writes files and does not extend them. A new file therefore gets every byte of the data
-//! section of the old one as it is, behind it the notes, and then the end anew ([`Tail`]). It takes the place
-//! of the old one when it is on disk: after a power cut one of the two is there, and whole.
+//! The mcap crate writes files and does not extend them. A new file therefore gets the unchanged data section
+//! of the old one, then the notes, then a new end ([`Tail`]). It replaces the old file once it is on disk:
+//! after a power cut one of the two is there, and whole.
 //!
-//! The old file is locked meanwhile, so that of two programs that add notes none loses the other's.
+//! The old file is locked meanwhile, so that two programs that add notes do not lose each other's.
 
 use std::fs::{self, File, TryLockError};
 use std::io::{self, Read, Seek, Write};
@@ -24,13 +24,13 @@ use crate::file::tail::Tail;
 /// Longest time to wait for another program that adds notes.
 const PATIENCE: Duration = Duration::from_secs(5);
 
-/// Adds notes to a recording, behind those that it has. Its bytes of data stay as they are.
+/// Adds notes to a recording, after those that it has. Its other data stays as it is.
 ///
 /// # Errors
-/// The file cannot be read or written, is no recording, is not whole or is being written, or would have more
-/// than [`NOTES_MOST`] notes. It is then as it was.
+/// The file cannot be read or written, is not a recording, is not whole or is being written, or would have
+/// more than [`NOTES_MOST`] notes. The file is then unchanged.
 pub fn add_notes(path: &Path, notes: &[Note]) -> Result<(), RecordingError> {
-    // A link stays, and what it leads to gets the notes.
+    // A link stays, and its target gets the notes.
     let place = fs::canonicalize(path).map_err(RecordingError::refused("read", path))?;
     let file = locked(&place)?;
     let recording = Recording::open(&place)?;
@@ -63,7 +63,7 @@ pub fn add_notes(path: &Path, notes: &[Note]) -> Result<(), RecordingError> {
     written.map_err(|error| RecordingError::Unfit(error.to_string()))
 }
 
-/// Opens a file and locks it. If another program put a new file in its place meanwhile, that one.
+/// Opens a file and locks it. If another program replaces the file meanwhile, opens the new one.
 fn locked(path: &Path) -> Result<File, RecordingError> {
     let failed = RecordingError::refused("read", path);
     let begun = Instant::now();
@@ -85,7 +85,7 @@ fn locked(path: &Path) -> Result<File, RecordingError> {
     }
 }
 
-/// True if the file is still the one of this name, as far as the system can tell.
+/// True if the path still names this file, as far as the system can tell.
 fn is_at(file: &File, path: &Path) -> bool {
     #[cfg(unix)]
     {
@@ -182,7 +182,7 @@ mod tests {
         );
         let tail = Tail::read(&File::open(&path).unwrap()).unwrap();
         assert!(tail.has_offsets && tail.data_crc != 0);
-        // Records of one kind stand together, as the offsets of their groups need it.
+        // Records of one kind stand together, as the offsets of their groups require.
         let groups = tail.index.chunk_by(|(one, _), (other, _)| one == other);
         let mut kinds: Vec<u8> = groups.map(|group| group[0].0).collect();
         let count = kinds.len();
@@ -223,7 +223,7 @@ mod tests {
         let mut keys: Vec<_> = remarks(&path).into_iter().map(|note| note.key).collect();
         keys.sort();
         assert_eq!(keys, ["n0", "n1", "n2", "n3", "n4", "n5", "specimen"]);
-        // Who has the lock of a file that was replaced meanwhile has that of no recording.
+        // A lock on a file that was replaced meanwhile does not lock the recording.
         assert!(!is_at(&old, &path) && is_at(&File::open(&path).unwrap(), &path));
         let many = vec![note("x=1"); NOTES_MOST - 7];
         add_notes(&path, &many).unwrap();

@@ -1,8 +1,8 @@
 //! The channels of a recording that other programs read: the content of the frames in SI units, with schemas.
 //!
 //! # Design
-//! They stand beside the raw frames and are made of them; nothing here reads them again. A frame's message is
-//! written when the frame comes. A window is written when its strike is handed on by the [`Assembly`], if
+//! They are made from the raw frames and stored beside them; nothing here reads them again. A frame's message
+//! is written when the frame comes. A window is written when its strike is handed on by the [`Assembly`], if
 //! every sample of it came. A fetched strike adds the messages that are still missing, with the boot of the
 //! strike.
 
@@ -18,7 +18,7 @@ use crate::protobuf::{self, Schema};
 use crate::signal::Signal;
 use crate::strike::RecordedStrike;
 
-/// Name of a channel, name of its messages, and the kind of frame that each is of; `None` for windows.
+/// Name of a channel, name of its messages, and the kind of their frames; `None` for windows.
 type Topic = (&'static str, &'static str, Option<Kind>);
 
 const TOPICS: [Topic; 6] = [
@@ -61,7 +61,7 @@ impl ReadableChannels {
         self.assembly.is_idle()
     }
 
-    /// Takes the next frame, and gives the messages that follow from it.
+    /// Takes the next frame, and returns the messages that follow from it.
     pub(super) fn push(&mut self, frame: &Frame) -> Vec<ChannelMessage> {
         if frame.arrival == Arrival::Duplicate {
             return Vec::new();
@@ -73,7 +73,7 @@ impl ReadableChannels {
         self.addressed(own.chain(events.iter().flat_map(messages)))
     }
 
-    /// The messages of the strikes that wait, for no more frames come.
+    /// The messages of the waiting strikes at the end of the frames.
     pub(super) fn end(&mut self) -> Vec<ChannelMessage> {
         let events = self.assembly.end();
         self.addressed(events.iter().flat_map(messages))
@@ -133,7 +133,7 @@ fn waveform(frame: &Frame, strike: &RecordedStrike) -> Option<Vec<u8>> {
     ))
 }
 
-/// Adds a channel for each topic to a file, and gives their numbers.
+/// Adds a channel for each topic to a file, and returns their numbers.
 fn ids(mcap: &mut Mcap, bead: Option<u8>) -> McapResult<HashMap<&'static str, u16>> {
     let add = |(topic, message, kind): Topic| {
         let schema = kind.map(|kind| protobuf::schema_of(message, kind));

@@ -18,7 +18,8 @@ use bead_tables::printable::{beginning, one_line};
 /// Greatest number of bytes in runs that wait until it is known whether they have receive times. A piece of
 /// received bytes has up to 64 KiB and may end a run that began before it.
 const HELD_MOST: usize = 4 * LONGEST_RUN;
-/// Number of channels that are named of a file that is not a bead's, and of characters of a name.
+/// Greatest number of channels in the description of a file that is not a bead's, and of characters of a
+/// name.
 const TOPICS_MOST: usize = 12;
 const NAME_MOST: usize = 64;
 
@@ -35,10 +36,10 @@ struct Runs {
     /// Number of the last.
     last: Option<u32>,
     missing: u64,
-    /// True if the log times are receive times: if the first message on the channel `received` follows.
-    /// `None` until that is known.
+    /// True if the log times are receive times, as a message on the channel `received` shows. `None` until
+    /// that is known.
     are_received: Option<bool>,
-    /// Runs with their log times that wait until these are known.
+    /// Runs, with their log times, that wait until `are_received` is known.
     held: VecDeque<(Option<u64>, Vec<u8>)>,
     held_bytes: usize,
 }
@@ -57,7 +58,7 @@ pub(super) struct Contents {
     written_by: String,
     /// The first channels: to name a file that is not a bead's.
     topics: BTreeSet<String>,
-    /// Channels with messages before they were known.
+    /// Channels whose messages came before their records.
     passed_over: BTreeSet<u16>,
     /// By the bead.
     runs: BTreeMap<Option<u8>, Runs>,
@@ -74,8 +75,8 @@ impl Contents {
         }
     }
 
-    /// True if a channel of bytes was known only when some of its messages had passed: its record is damaged,
-    /// and stands again in the index at the end.
+    /// True if some messages of a channel of bytes came before its record: the first copy is damaged, and
+    /// another is in the index at the end.
     pub(super) fn knew_too_late(&self) -> bool {
         let passed_over = |channel| self.passed_over.contains(channel);
         self.channels.frames.keys().any(passed_over)
@@ -84,7 +85,7 @@ impl Contents {
     /// Takes a record. `None` if it is damaged.
     pub(super) fn push(&mut self, opcode: u8, data: &[u8]) -> Option<()> {
         let record = match opcode {
-            // The library slices the data of an attachment without a look at its length.
+            // The library slices the data of an attachment without checking its length.
             op::ATTACHMENT if attachment_length(data) != Some(data.len() as u64) => return None,
             op::HEADER | op::CHANNEL | op::METADATA | op::ATTACHMENT | op::MESSAGE => {
                 mcap::parse_record(opcode, data).ok()?
@@ -164,8 +165,8 @@ impl Contents {
         }
     }
 
-    /// Takes a frame from a damaged place. Its own address says whose it is where the head of its message
-    /// does not.
+    /// Takes a frame from a damaged place. Its own address names its bead if the head of its message does
+    /// not.
     pub(super) fn push_frame(&mut self, frame: &SoundFrame<'_>) {
         let channel = frame.head.map(|head| head.channel);
         let of_channel = channel.and_then(|channel| self.channels.frames.get(&channel));
@@ -222,7 +223,7 @@ impl Contents {
         !self.channels.frames.is_empty() || self.runs.values().any(|runs| runs.last.is_some())
     }
 
-    /// Hands on the runs that wait, for no more records come.
+    /// Hands on the waiting runs at the end of the records.
     pub(super) fn end(&mut self) {
         for (bead, runs) in &mut self.runs {
             runs.release(*bead, &mut self.ready);
@@ -255,7 +256,7 @@ impl Runs {
         self.count += 1;
         let mut run = Vec::with_capacity(data.len() + 1);
         run.extend_from_slice(data);
-        // Recordings of before had no delimiter behind a run.
+        // Older recordings have no delimiter after a run.
         if run.last() != Some(&0) {
             run.push(0);
         }
@@ -269,13 +270,13 @@ impl Runs {
         ready.extend(self.held.drain(..).map(|(log_time, bytes)| Piece {
             bead,
             bytes,
-            // ns since 1970 reach the year 2262 as i64, and no clock shows a time behind that.
+            // ns since 1970 reach the year 2262 as i64, and no clock shows a later time.
             received_ns: log_time.filter(|ns| are_received && *ns < i64::MAX as u64 / 2),
         }));
     }
 }
 
-/// The length that an attachment says to have, in bytes.
+/// The length of an attachment by its own fields, in bytes.
 fn attachment_length(data: &[u8]) -> Option<u64> {
     let text_end = |at: usize| {
         let length = data.get(at..)?.first_chunk()?;
@@ -285,6 +286,6 @@ fn attachment_length(data: &[u8]) -> Option<u64> {
     // Two times, then name and type.
     let at = text_end(text_end(8 + 8)?)?;
     let length = u64::from_le_bytes(*data.get(at..)?.first_chunk()?);
-    // Behind the data stands a CRC.
+    // A CRC follows the data.
     length.checked_add(at as u64 + 8 + 4)
 }

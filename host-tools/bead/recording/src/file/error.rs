@@ -24,7 +24,7 @@ pub enum RecordingError {
     /// The file is empty.
     #[error("{0} is empty: the recording was stopped before anything was written; record again")]
     Empty(PathBuf),
-    /// The file is no MCAP file.
+    /// The file is not an MCAP file.
     #[error("{0} is not an MCAP file; give a recording made by `bead record` or `bead emulate`")]
     NotMcap(PathBuf),
     /// The MCAP file has no frames of a bead. The text names its channels and its writer.
@@ -33,8 +33,8 @@ pub enum RecordingError {
          `bead emulate`"
     )]
     NotOurs(PathBuf, String),
-    /// The file cannot be written as MCAP, or is no recording with what is asked for. The text is the whole
-    /// message.
+    /// The file cannot be written as MCAP, or is not a recording with the requested content. The text is the
+    /// whole message.
     #[error("{0}")]
     Unfit(String),
     /// The recording has no strike that this program can read.

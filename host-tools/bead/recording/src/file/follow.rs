@@ -47,10 +47,10 @@ impl Follower {
         self.is_ended
     }
 
-    /// The next pieces of bytes with their receive times; none if nothing new is in the file.
+    /// The next pieces of bytes with their receive times; empty if nothing new is in the file.
     ///
     /// # Errors
-    /// The file cannot be read, or what it has is damaged or no recording: it cannot be followed further.
+    /// The file cannot be read, is damaged or is not a recording: it cannot be followed further.
     pub fn pieces(&mut self) -> Result<Vec<Piece>, RecordingError> {
         for _ in 0..AT_A_TIME {
             let failed = |why: String| {
@@ -71,7 +71,7 @@ impl Follower {
                     let read = self.file.read(self.reader.insert(wanted));
                     let read = read.map_err(RecordingError::refused("read", &self.path))?;
                     if read == 0 {
-                        // To tell the reader so would end it, and more may come.
+                        // Reporting this to the reader would end it, and more may come.
                         break;
                     }
                     self.reader.notify_read(read);

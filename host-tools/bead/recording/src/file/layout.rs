@@ -20,8 +20,8 @@ pub(super) const NOTE: &str = "note";
 pub(super) const CHUNK: u64 = 256 * 1024;
 /// Longest time that received bytes wait before they go to the system.
 pub(super) const FLUSH_EVERY: Duration = Duration::from_secs(1);
-/// Longest record that is read, in bytes: a damaged length must not fill the memory. Chunks are of 256 KiB
-/// here and of some MB by other programs, and attachments much below this.
+/// Longest record that is read, in bytes: a damaged length must not fill the memory. Chunks have 256 KiB here
+/// and some MB from other programs; attachments are much shorter than this.
 pub(super) const RECORD_MOST: usize = 32 << 20;
 /// Bytes without a delimiter after which they are written as a run, so that a dead line cannot fill the
 /// memory.

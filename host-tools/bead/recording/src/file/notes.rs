@@ -1,9 +1,9 @@
 //! Notes of people in a recording: who struck, what hung on the rig, where.
 //!
 //! # Design
-//! A note is a metadata record of its own with a key, a value, its author and the time at which it was
-//! written. Notes are only ever added. The last one of a key counts, and those before it stay as its history;
-//! an empty value withdraws a key.
+//! A note is a separate metadata record with a key, a value, its author and the time at which it was written.
+//! Notes are only ever added. The last one of a key counts, and those before it stay as its history; an empty
+//! value withdraws a key.
 
 use std::collections::BTreeMap;
 
@@ -15,7 +15,7 @@ use crate::file::layout::{NOTE, known};
 
 /// Greatest number of notes of a recording.
 pub const NOTES_MOST: usize = 1000;
-/// Characters of a key, of an author and of a value at most.
+/// Greatest length of a key, of an author and of a value, in characters.
 const KEY_MOST: usize = 40;
 const AUTHOR_MOST: usize = 60;
 const VALUE_MOST: usize = 1000;

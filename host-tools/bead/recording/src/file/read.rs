@@ -15,8 +15,7 @@ use crate::frames::{Frames, Item, Piece};
 use crate::strikes::{FetchedNames, StrikeName};
 use bead_tables::printable::one_line;
 
-/// The note in a recovered recording that says in which state the file was that it comes from: one of these,
-/// or what was lost.
+/// The note in a recovered recording about the state of the original file: one of these, or what was lost.
 pub(crate) const RECOVERED_FROM: &str = "recovered_from";
 pub(crate) const WHOLE: &str = "whole";
 pub(crate) const CUT_IN_INDEX: &str = "cut short in its index";
@@ -32,7 +31,7 @@ pub struct Recording {
     pub parts: BTreeMap<Part, Arc<[u8]>>,
     /// The beads, by their addresses, if it is a recording of several.
     pub beads: Vec<RecordedBead>,
-    /// Number of runs of bytes between two delimiters. Runs that are no frames may stand together in one.
+    /// Number of runs of bytes between two delimiters. Runs that are not frames may be joined in one.
     pub runs: u64,
     /// Number of runs that are missing, by the numbers of the others.
     pub runs_missing: u64,
@@ -48,8 +47,8 @@ impl Recording {
     /// Reads a file, whole or cut short.
     ///
     /// # Errors
-    /// The file cannot be read, is no recording, has compressed chunks, or has only frames of a later version
-    /// of the protocol. One cut short or damaged is no error: see [`State`].
+    /// The file cannot be read, is not a recording, has compressed chunks, or has only frames of a later
+    /// version of the protocol. A file cut short or damaged is not an error: see [`State`].
     pub fn open(path: &Path) -> Result<Self, RecordingError> {
         Self::read(path, false)
     }
@@ -57,7 +56,7 @@ impl Recording {
     /// Reads a file whose beginning may be damaged too.
     ///
     /// # Errors
-    /// As [`open`](Self::open), and nothing in the file is of a recording.
+    /// As [`open`](Self::open), or nothing in the file is of a recording.
     pub fn salvage(path: &Path) -> Result<Self, RecordingError> {
         Self::read(path, true)
     }
@@ -116,8 +115,7 @@ impl Recording {
         })
     }
 
-    /// The recording as it would be of one of its beads alone. What may be long is shared: there can be 254
-    /// of these.
+    /// The recording of only one of its beads. Long parts are shared, as there can be 254 of these.
     pub fn of(&self, bead: &RecordedBead) -> Self {
         let mut parts = self.parts.clone();
         parts.extend(bead.parts.clone());
@@ -131,7 +129,7 @@ impl Recording {
         }
     }
 
-    /// One for each of its beads, or this one if it is of one line.
+    /// One recording for each of its beads, or only this one if it is of a single line.
     pub fn each(&self) -> Vec<Self> {
         match self.beads[..] {
             [] => vec![self.clone()],

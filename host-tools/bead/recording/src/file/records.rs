@@ -1,14 +1,13 @@
-//! The records of a recording, up to where it is cut, and behind places that are damaged.
+//! The records of a recording, up to where it is cut, and after damaged places.
 //!
 //! # Design
 //! The mcap crate reads the records, with a limit on their lengths and the CRCs of data and index. The
-//! records of a chunk are read if its CRC is right, and those of a chunk that the file's end cuts up to the
-//! cut.
+//! records of a chunk are read if its CRC is right. A chunk that the file's end cuts is read up to the cut.
 //!
-//! Behind damage frames are searched for, each of which has a CRC of its own ([`search`]). Of a chunk with a
-//! wrong CRC they are all that is read. Where the length of a record is damaged, they are read until the next
-//! chunk begins, from which the crate reads on. So each byte is read and searched once, whatever a file says,
-//! and memory is two records.
+//! After damage, frames are searched for, each of which has its own CRC ([`search`]). They are all that is
+//! read of a chunk with a wrong CRC. After a damaged record length, the search ends at the next chunk, from
+//! which the crate reads on. Each byte is thus read and searched once, whatever a file says, and memory is
+//! two records.
 
 use std::fmt;
 use std::fs::File;
@@ -31,7 +30,7 @@ pub enum State {
     Whole,
     /// The file ends early: it was not finished, or not copied whole.
     CutShort {
-        /// True if all runs are there, and only the index behind them is cut.
+        /// True if all runs are there, and only the index after them is cut.
         runs_whole: bool,
     },
     /// Something in the file is not what was written.
@@ -102,7 +101,7 @@ pub(super) struct Records {
     chunk: Option<ChunkRecords>,
     /// Offset of the records of the chunk, if the end of the file cuts it.
     cut_chunk: Option<u64>,
-    /// True behind a chunk that is cut: only frames may follow.
+    /// True after a chunk that is cut: only frames may follow.
     is_cut: bool,
     has_data_end: bool,
     has_footer: bool,
@@ -112,14 +111,14 @@ pub(super) struct Records {
     is_ended: bool,
     /// State of what was read so far.
     pub(super) state: State,
-    /// The compression of its chunks, which another program has compressed.
+    /// The compression of the chunks, if another program compressed them.
     pub(super) compression: Option<String>,
 }
 
 enum RecordStep {
     /// A record of the file was read.
     Record(u8, Vec<u8>),
-    /// The record goes on behind the end of the file.
+    /// The record extends beyond the end of the file.
     Cut,
     Failed(McapError),
     End,
@@ -175,13 +174,13 @@ impl Records {
         Ok(records)
     }
 
-    /// Reads on in the file by one record. False at the end.
+    /// Reads the next record of the file. Returns false at the end.
     pub(super) fn step(&mut self, contents: &mut Contents) -> bool {
         if self.is_ended {
             return false;
         }
         if let Err(error) = self.read(contents) {
-            // The reason why it is not read on is worth more than a fault before.
+            // The reason why reading stops matters more than an earlier fault.
             self.damage.other = Some(error.to_string());
             self.is_ended = true;
         }
@@ -218,7 +217,7 @@ impl Records {
                 self.take(start, opcode, data, contents)
             }
             RecordStep::Cut if self.has_footer => {
-                // The magic behind the footer is cut.
+                // The magic after the footer is cut.
                 self.has_footer = false;
                 self.end()
             }
@@ -253,7 +252,7 @@ impl Records {
         Ok(())
     }
 
-    /// Notes a damaged place, and the number of bytes in it that were read all the same.
+    /// Notes a damaged place, and the number of its bytes that were read nevertheless.
     fn add_damage(&mut self, begin: u64, end: u64, found: u64) {
         self.damage.places += u64::from(self.damage_end != Some(begin));
         self.damage.first.get_or_insert(begin);
@@ -261,7 +260,7 @@ impl Records {
         self.damage_end = Some(end);
     }
 
-    /// Gives the reader the bytes of its next record, and no more: so its place in the file is known.
+    /// Gives the reader only the bytes of its next record, so that its place in the file is known.
     fn next(&mut self) -> io::Result<RecordStep> {
         loop {
             match self.reader.next_event() {
@@ -282,7 +281,7 @@ impl Records {
         }
     }
 
-    /// Goes on with the record at this place.
+    /// Resumes with the record at this offset.
     fn resume(&mut self, at: u64) -> io::Result<()> {
         self.file.seek(SeekFrom::Start(at))?;
         self.reader = LinearReader::new_with_options(options().with_skip_start_magic(true));
@@ -298,7 +297,7 @@ impl Records {
             op::FOOTER => self.has_footer = true,
             op::HEADER..op::DATA_END | 0x80.. => {
                 let is_sound = contents.push(opcode, &data).is_some();
-                // A damaged length may take in all that follows.
+                // A damaged length may swallow all that follows.
                 let may_hide_frames = !(is_sound && matches!(opcode, op::MESSAGE | op::ATTACHMENT));
                 let found = if may_hide_frames {
                     salvage(&data, contents)
@@ -344,7 +343,7 @@ impl Records {
         }
     }
 
-    /// Goes on with a chunk that the end of the file cuts, or else searches what is left.
+    /// Reads a chunk that the end of the file cuts, or else searches the rest.
     fn enter_cut_chunk(&mut self, contents: &mut Contents) -> io::Result<()> {
         self.file.seek(SeekFrom::Start(self.at))?;
         let mut rest = Vec::new();
@@ -375,8 +374,8 @@ impl Records {
         Ok(())
     }
 
-    /// Searches the file from `start` on for frames up to the next chunk. If none of either follows, the file
-    /// is cut there, unless it `is_damaged`.
+    /// Searches the file from `start` for frames, up to the next chunk. If neither follows, the file is cut
+    /// there, unless it `is_damaged`.
     fn search(&mut self, start: u64, is_damaged: bool, contents: &mut Contents) -> io::Result<()> {
         const BLOCK: usize = 1 << 20;
         let (mut window, mut at, mut found, mut block) = (Vec::new(), start, 0, 4096);
@@ -396,7 +395,7 @@ impl Records {
             if read < block {
                 break None;
             }
-            // A frame may go on behind the window.
+            // A frame may extend beyond the window.
             window.drain(..done);
             at += done as u64;
             block = BLOCK.min(2 * block);
@@ -412,7 +411,7 @@ impl Records {
     }
 }
 
-/// Takes the frames in these bytes, and gives the number of bytes of their messages.
+/// Takes the frames in these bytes, and returns the number of bytes of their messages.
 fn salvage(bytes: &[u8], contents: &mut Contents) -> u64 {
     let taken = search::frames(bytes).map(|frame| {
         contents.push_frame(&frame);

@@ -1,9 +1,9 @@
 //! Frames and chunks in bytes of a recording in which nothing else can be trusted.
 //!
 //! # Design
-//! A frame stands between two delimiters and has a CRC of its own. In a recording, the delimiter before it is
-//! the last byte of its message's publish time, and the message ends with the one behind it. The head of the
-//! message is believed if its length fits.
+//! A frame is between two delimiters and has its own CRC. In a recording, the delimiter before it is the last
+//! byte of its message's publish time, and the message ends with the one after it. The head of the message is
+//! believed if its length fits.
 
 use bead_wire::{Decoder, MAX_FRAME};
 
@@ -21,7 +21,7 @@ pub(super) const FRAME_MOST: usize = MESSAGE_HEAD + MAX_FRAME;
 pub(super) struct SoundFrame<'a> {
     /// Offset of its message; of the frame itself, if the head of the message is damaged.
     pub(super) start: usize,
-    /// Offset of the byte behind its delimiter.
+    /// Offset of the byte after its delimiter.
     pub(super) end: usize,
     pub(super) address: u8,
     pub(super) head: Option<MessageHead>,
@@ -82,7 +82,7 @@ fn message_head(head: &[u8], length: usize) -> Option<MessageHead> {
     })
 }
 
-/// Offset of the first chunk. A chunk is known by its length, which stands in it three times.
+/// Offset of the first chunk. A chunk is recognised by its length, which it has three times.
 pub(super) fn chunk(bytes: &[u8]) -> Option<usize> {
     let opcodes = (0..bytes.len()).filter(|at| bytes[*at] == mcap::records::op::CHUNK);
     opcodes

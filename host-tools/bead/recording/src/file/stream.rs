@@ -20,7 +20,7 @@ pub(super) struct Stream {
     received: u16,
     channels: ReadableChannels,
     run: Vec<u8>,
-    /// Runs that are no frames, each with a delimiter.
+    /// Runs that are not frames, each with a delimiter.
     noise: Vec<u8>,
     pub(super) reader: FrameReader,
     pub(super) clock: MessageClock,
@@ -107,7 +107,7 @@ impl Stream {
             }
             match *byte {
                 0 if self.run.is_empty() => {}
-                // Runs that are no frames stand together, as each message costs some 50 bytes.
+                // Runs that are not frames share a message, as each costs some 50 bytes.
                 0 if !is_frame && self.noise.len() + self.run.len() < LONGEST_RUN => {
                     self.noise.append(&mut self.run);
                     self.noise.push(0);
@@ -125,7 +125,7 @@ impl Stream {
         Ok(())
     }
 
-    /// Records when the piece with the end of the last run was received.
+    /// Records the receive time of the piece with the end of the last run.
     fn write_time(&mut self, mcap: &mut Mcap, received_ns: u64) -> McapResult<()> {
         let last = self.written.wrapping_sub(1);
         let data = [&last.to_le_bytes()[..], &received_ns.to_le_bytes()].concat();
@@ -146,7 +146,7 @@ impl Stream {
         self.put(mcap, run)
     }
 
-    /// Writes all that waits, for no more bytes come.
+    /// Writes all waiting bytes at the end of the stream.
     pub(super) fn end(&mut self, mcap: &mut Mcap) -> McapResult<()> {
         self.end_run(mcap)?;
         let messages = self.channels.end();
@@ -164,7 +164,7 @@ impl Stream {
         messages.try_for_each(|(channel, data)| self.message(mcap, channel, number, &data))
     }
 
-    /// Writes runs, each with the delimiter behind it. So a search of a damaged file finds each frame.
+    /// Writes runs, each with its delimiter, so that a search of a damaged file finds each frame.
     fn put(&mut self, mcap: &mut Mcap, run: Vec<u8>) -> McapResult<()> {
         if run.is_empty() {
             return Ok(());

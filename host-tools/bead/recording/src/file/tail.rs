@@ -1,9 +1,8 @@
 //! The end of a recording: the end of the data, the index and the footer (MCAP specification, "Records").
 //!
 //! # Design
-//! Records that are added stand behind the data, so the places in the index stay right, and only what is
-//! behind them is written anew. The CRC of the data goes on from the old one's, which was checked when the
-//! file was read.
+//! Added records follow the data, so the places in the index stay right, and only what comes after is written
+//! again. The CRC of the data continues the old one, which was checked when the file was read.
 
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
@@ -90,7 +89,7 @@ impl Tail {
         })
     }
 
-    /// The bytes behind the data with these notes added.
+    /// The bytes after the data with these notes added.
     pub(super) fn with(mut self, notes: &[Note]) -> Vec<u8> {
         let (mut added, mut entries) = (Vec::new(), Vec::new());
         for note in notes {
@@ -109,7 +108,7 @@ impl Tail {
             self.data_crc = crc.finalize();
         }
         record(&mut bytes, op::DATA_END, &self.data_crc.to_le_bytes());
-        // Without an index before, there is none now.
+        // A file without an index does not get one.
         let (mut summary, mut offsets) = (Vec::new(), Vec::new());
         if !self.index.is_empty() {
             self.add_entries(entries, notes.len() as u32);
@@ -133,7 +132,7 @@ impl Tail {
         if self.has_offsets {
             summary.append(&mut offsets);
         }
-        // The CRC is that of the index, and of the footer before it.
+        // The CRC covers the index, and the footer up to the CRC.
         let mut checked = summary.clone();
         checked.push(op::FOOTER);
         checked.extend((FOOTER - HEAD).to_le_bytes());

@@ -63,8 +63,7 @@ fn kept(path: &Path) -> Vec<Vec<u8>> {
     pieces(path).map(|piece| run(piece.bytes)).collect()
 }
 
-/// Changes a file in place: one that is cut to nothing first is written to the disk at once, which takes
-/// long.
+/// Changes a file in place: a file that is truncated first is written to the disk at once, which is slow.
 fn put(path: &Path, bytes: &[u8]) -> io::Result<()> {
     use std::os::unix::fs::FileExt;
     let file = fs::OpenOptions::new().write(true).open(path)?;
@@ -90,8 +89,8 @@ fn begun() -> (TempDir, PathBuf, RecordingWriter) {
     (folder, path, writer)
 }
 
-/// A finished recording of a stream that came in pieces of this length, of which the writer flushed some
-/// hundred at a time: its folder, path and bytes.
+/// A finished recording of a stream that came in pieces of this length, which the writer flushed some hundred
+/// at a time: its folder, path and bytes.
 fn recorded(stream: &[u8], length: usize) -> (TempDir, PathBuf, Vec<u8>) {
     let (folder, path, mut writer) = begun();
     writer.attach(Part::Scenario, b"title = \"x\"").unwrap();
@@ -196,13 +195,13 @@ fn a_recording_cut_anywhere_gives_back_all_before_the_cut_and_says_so() {
     }
 }
 
-/// Reads a damaged file: gives the recording, and the number of frames that are lost of those that were
-/// sent. Those of one line come in their order.
+/// Reads a damaged file. Returns the recording, and the number of the `sent` frames that are lost. Checks
+/// that those of a single line are in order.
 fn salvaged(path: &Path, sent: &[Vec<u8>]) -> (Recording, usize) {
     let recording = Recording::salvage(path).unwrap();
     assert_ne!(recording.state, State::Whole);
     let places: BTreeMap<_, _> = sent.iter().map(Vec::as_slice).zip(0..).collect();
-    // A run that is damaged itself is given back as well.
+    // Damaged runs are returned as well.
     let place = |bytes: &[u8]| places.get(bytes.strip_suffix(&[0])?).copied();
     let pieces = recording.pieces().unwrap();
     let found: Vec<usize> = pieces.filter_map(|piece| place(&piece.bytes)).collect();
@@ -223,7 +222,7 @@ fn behind_a_damaged_sector_the_recording_goes_on() {
             damaged[at..at + SECTOR].fill(byte);
             put(&path, &damaged).unwrap();
             let (_, lost) = salvaged(&path, &sent);
-            // Those in the sector, and one on each of its sides.
+            // The frames in the sector, and one on each of its sides.
             assert!(lost <= SECTOR / shortest + 2, "{byte:#x} at {at}: {lost} lost");
         }
     }
@@ -385,7 +384,7 @@ fn a_recording_that_goes_on_in_other_files_has_each_run_once_and_never_cuts_a_st
             [path, path_of("strike-2.mcap"), path_of("strike-4.mcap")]
         );
         let all: Vec<_> = files.iter().flat_map(|file| kept(file)).collect();
-        // Runs that are no frames may stand in one message.
+        // Runs that are not frames may share a message.
         assert!(all.join(&0) == runs(&sent).join(&0), "pieces of {length} bytes");
         for file in &files {
             let recording = Recording::open(file).unwrap();
@@ -444,7 +443,7 @@ fn other_mcap_files_are_refused_by_what_they_are() {
         "{message}"
     );
     assert!(message.len() < 600, "{} bytes", message.len());
-    // All of its frames are of a version of the protocol to come.
+    // All of its frames are of a future version of the protocol.
     let later = foreign("bead 9.9", TOPIC, &[("version", "9")], &[b"\x03\x09\x01\0"]);
     let message = refused(&later).to_string();
     let expected = "version 9 of the protocol, written by `bead 9.9`, and this program";

@@ -38,7 +38,7 @@ pub struct RecordingWriter {
 pub struct BeadIndex(usize);
 
 impl RecordingWriter {
-    /// Begins a recording of one line, that will be called as `target` says.
+    /// Begins a recording of one line, which will have the name of `target`.
     ///
     /// # Errors
     /// The directory cannot be written to, or another program is recording under that name.
@@ -48,7 +48,7 @@ impl RecordingWriter {
         Ok(writer)
     }
 
-    /// Begins a recording of several beads. None is in it yet: see [`join`](Self::join).
+    /// Begins a recording of several beads, without any yet: see [`join`](Self::join).
     ///
     /// # Errors
     /// The directory cannot be written to, or another program is recording under that name.
@@ -180,7 +180,7 @@ impl RecordingWriter {
         self.flush_in_time()
     }
 
-    /// Gives bytes that have waited for a second to the system. To be called also while nothing comes.
+    /// Passes bytes that have waited for a second to the system. Must be called even while nothing comes.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -191,7 +191,7 @@ impl RecordingWriter {
         Ok(())
     }
 
-    /// Gives all whole messages to the system. After that a crash of this program cannot lose them.
+    /// Passes all whole messages to the system. After that a crash of this program cannot lose them.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -222,18 +222,18 @@ impl RecordingWriter {
         &self.partial
     }
 
-    /// Bytes that the index of the file takes, at most: a record for each chunk, with a place for each
-    /// channel in it.
+    /// Greatest size of the file's index, in bytes: a record for each chunk, with a place for each channel in
+    /// it.
     fn index(&self) -> u64 {
         let bytes: u64 = self.streams.iter().map(|stream| stream.bytes).sum();
         let chunks = self.flushes + bytes / CHUNK;
         chunks * (256 + 192 * self.streams.len() as u64)
     }
 
-    /// Completes the file when it is older than `after`, or when its index, which stands in memory until the
-    /// file is complete, takes 64 MB. Goes on in another file, that will have the next free name:
-    /// `NAME-2.mcap` and so on. Each byte is in one of them; counters go on. It waits up to ten seconds for a
-    /// moment when no bead is sending a strike. Attached parts stay where they are.
+    /// Completes the file when it is older than `after`, or when its index, which is in memory until the file
+    /// is complete, takes 64 MB. The recording continues in another file, which will have the next free name:
+    /// `NAME-2.mcap` and so on. Each byte is in one of them; counters continue. The split waits up to ten
+    /// seconds for a moment when no bead is sending a strike. Attached parts stay where they are.
     ///
     /// # Errors
     /// A file cannot be written.
@@ -262,7 +262,7 @@ impl RecordingWriter {
         Ok(Some(path))
     }
 
-    /// Fills the recording and completes it. One that fails is removed: its source is there.
+    /// Fills the recording and completes it. If that fails, its file is removed, as the source still exists.
     ///
     /// # Errors
     /// As [`finish`](Self::finish), or what `fill` reports.
@@ -274,17 +274,17 @@ impl RecordingWriter {
         let _listed = Unfinished::list(&partial);
         let finished = fill(&mut self).and_then(|()| self.finish());
         if finished.is_err() {
-            // It may never have come into being.
+            // The file may not exist.
             let _ = fs::remove_file(&partial);
         }
         finished
     }
 
-    /// Completes the file and gives it its name. A file of that name that is not to be replaced came
-    /// meanwhile: then the recording takes the next free name, `NAME-2.mcap` and so on.
+    /// Completes the file and gives it its name. If a file of that name appeared meanwhile and must not be
+    /// replaced, the recording takes the next free name, `NAME-2.mcap` and so on.
     ///
     /// # Errors
-    /// The file cannot be written or renamed; what is there stays under its temporary name.
+    /// The file cannot be written or renamed; what was written stays under its temporary name.
     pub fn finish(mut self) -> Result<Finished, RecordingError> {
         let counters = self.counters();
         for stream in &mut self.streams {
@@ -299,7 +299,7 @@ impl RecordingWriter {
 fn end_file(mut mcap: Mcap, partial: &Path, target: &Target) -> Result<PathBuf, RecordingError> {
     mcap.finish().map_err(RecordingError::unwritten(partial))?;
     let file = mcap.into_inner().into_inner();
-    // The file must be on disk before it has its name: after a power cut no name may stand for an empty file.
+    // The file must be on disk before it has its name: a power cut must not leave a name with an empty file.
     let file = file
         .map_err(|error| error.into_error())
         .and_then(|file| file.sync_all().map(|()| file))
@@ -311,12 +311,12 @@ fn end_file(mut mcap: Mcap, partial: &Path, target: &Target) -> Result<PathBuf, 
     Ok(path)
 }
 
-/// Bytes of an index that gets no longer. When a file is completed, the library copies it.
+/// Greatest size of an index, in bytes. The library copies it when a file is completed.
 const LONGEST_INDEX: u64 = 64 << 20;
 /// Longest time for which a file that is due is kept open because a strike is on its way.
 const PATIENCE: Duration = Duration::from_secs(10);
 
-/// Begins a file under a temporary name, with what the recording is of; `before` is the file that it follows.
+/// Begins a file under a temporary name, with the recording's description; `before` is the preceding file.
 fn begin_file(
     target: &Target,
     about: &About,
@@ -395,7 +395,7 @@ fn numbered(path: &Path, number: u32) -> PathBuf {
 }
 
 /// Creates `path` with `.partial`, or `.2.partial` and so on, and locks it. A file that an earlier crash left
-/// is not touched. One that is locked is being written by another program, if it is not `own`.
+/// is not touched. A locked one is being written by another program, unless it is `own`.
 fn create_partial(path: &Path, own: Option<&Path>) -> Result<(File, PathBuf), RecordingError> {
     let mut attempt = 1u32;
     loop {

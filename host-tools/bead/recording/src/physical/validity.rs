@@ -2,7 +2,7 @@
 
 use bead_model::design::{Day, Description};
 
-/// A line if no calibration is stated, if one is expired on a day, or is of a later day.
+/// A line if no calibration is stated, or if it has expired on a day, or is of a later day.
 pub fn calibration_doubt(description: &Description, on: Day) -> Option<String> {
     let Some(stated) = &description.uncertainty else {
         return Some(

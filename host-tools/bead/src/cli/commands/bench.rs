@@ -81,7 +81,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     };
     let (report, ended) = loopback::run(&mut bead, &given, |step| {
         if step == "settings" {
-            // From here on the bead has others for a while.
+            // From here the bead has other settings for a while.
             let _ = stop.set(interrupt::orderly(LEFT.to_owned()));
         }
         steps
@@ -91,7 +91,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     if let Some(steps) = steps.get() {
         steps.finish_and_clear();
     }
-    // A disk that is full must not cost the result as well: it is printed all the same.
+    // The result is printed even if the disk is full.
     let kept = out.map(|out| out.write(|file| Ok(write(file, &report)?)));
     output::print(arguments.format, &report, || table(&report))?;
     kept.transpose()?;

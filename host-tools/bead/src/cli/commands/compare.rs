@@ -129,7 +129,7 @@ fn compare(
     if let Some(figures) = figures {
         match compared.strikes.iter().find_map(StrikeComparison::charts) {
             Some(charts) => draw(&figures, charts)?,
-            // Its replay is impossible, too, and so the comparison says no.
+            // Strikes without charts have no replay either, so the comparison fails.
             None => {
                 note!(
                     "no strike came with its settings and all of its samples: --figures has nothing to draw"
@@ -157,7 +157,7 @@ fn compare(
     given.end(compared.failure.clone())
 }
 
-/// Keeps the beads of these numbers alone.
+/// Keeps only the beads with these numbers.
 fn keep(received: &mut Recording, beads: &[usize]) -> Result<(), Failure> {
     let of_recording = &mut received.beads;
     let places: Vec<usize> = of_recording.iter().map(RecordedBead::place).collect();
@@ -173,7 +173,7 @@ fn keep(received: &mut Recording, beads: &[usize]) -> Result<(), Failure> {
 }
 
 /// The frames of the one bead that is compared, and its place if the recording knows it. Each bead of a row
-/// has a truth of its own.
+/// has its own truth.
 fn of_one_bead(received: Recording, asked: Option<usize>) -> Result<(Recording, Option<usize>), Failure> {
     let beads = &received.beads;
     let places: Vec<usize> = beads.iter().map(RecordedBead::place).collect();

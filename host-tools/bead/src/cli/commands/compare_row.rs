@@ -48,7 +48,7 @@ pub(super) fn run(received: &Recording, arguments: &Arguments, page: Option<Targ
     let warnings = |place: &PlacedBead| unlike_the_reduced_chain(&chain.solution, place.bead).notes;
     let mut warnings: Vec<_> = places.iter().flat_map(warnings).collect();
     warnings.sort();
-    // A load is that of all.
+    // All beads share a load, so they repeat its warning.
     warnings.dedup();
     warnings.extend(length(&row, &chain));
     for note in warnings.iter().chain(&told.notes) {

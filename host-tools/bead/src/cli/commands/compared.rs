@@ -11,8 +11,8 @@ use bead_compare::velocity::{FittedVelocity, first_strikes, fit};
 use bead_compare::verdict::Echoes;
 use bead_recording::file::Part;
 
-/// Gives the striker the velocity that is wanted: of those that the forces of the beads tell, the first
-/// bead's.
+/// Gives the striker the velocity that is wanted. A fitted one is from the first bead whose forces allow a
+/// fit.
 pub(super) fn set_velocity<'a>(
     scenario: &mut Scenario,
     velocity: Option<Velocity>,

@@ -187,7 +187,7 @@ const SYNC_OF_LISTENING: f64 = 3600.0;
 const LEAD_IN: f64 = 0.02;
 
 impl Arguments {
-    /// The number of the bead, if there is one bead alone.
+    /// The number of the bead, if there is only one.
     fn one(&self) -> Option<usize> {
         match self.bead {
             BeadNumbers::One(bead) => Some(bead),
@@ -272,7 +272,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     };
     arguments.check(&tables, beads.len())?;
     let outputs = arguments.outputs(&beads)?;
-    // Before the work, which an address that does not do would waste.
+    // Before the work, which an unusable address would waste.
     let door = arguments.listen.as_ref().map(Door::open).transpose()?;
     let bench = BenchOfRun::of(arguments, &scenario, &tables, &beads)?;
     if let (Some(address), Some(door)) = (&arguments.listen, &door) {
@@ -292,7 +292,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     progress.finish_and_clear();
     bench.print_remarks();
 
-    // A disk that is full must not cost the result as well: it is printed all the same.
+    // The result is printed even if the disk is full.
     let recorded = outputs.map(|outputs| record(arguments, &outputs, &text, &ran));
     let recording = recorded.as_ref().and_then(|recorded| recorded.as_ref().ok());
     let mut result = SeveralBeads { beads: Vec::new() };

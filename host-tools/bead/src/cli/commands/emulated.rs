@@ -24,13 +24,13 @@ pub(super) fn table(report: &RunReport) -> String {
     parts.join("\n\n")
 }
 
-/// A line that explains ± beside these strikes; empty if it is beside none.
+/// A line that explains ± beside these strikes; empty if no strike has one.
 fn legend<'a>(strikes: impl Iterator<Item = &'a MeasuredStrike>) -> String {
     let legend = EnergyUncertainties::legend(strikes.filter_map(|strike| strike.uncertainty.as_ref()));
     legend.map_or_else(String::new, |legend| format!("\n± is {legend}"))
 }
 
-/// The headings of the strikes. A waveform that was played gives each estimate a value of its own.
+/// The headings of the strikes. Each estimate has its own reference value if a waveform was played.
 fn headings(unit: EnergyUnit, played: bool) -> String {
     let unit = unit.symbol;
     if played {

@@ -91,7 +91,7 @@ struct Tally<'a> {
     recordings: &'a [Recording],
     strikes: u64,
     samples: u64,
-    /// Strikes without settings, whose samples have codes alone.
+    /// Strikes without settings. Their samples have only codes.
     without_settings: u64,
     /// Strikes that were not written.
     left_out: u64,

@@ -64,8 +64,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         .overwrite
         .optional(arguments.out.as_deref(), FileKind::Recording, &[])?;
     let mut bead = arguments.line.open()?;
-    // Who the bead is gives the sample rate. It comes first, so that frames of the list that are lost are
-    // missed.
+    // The identity contains the sample rate. It comes first, so that lost frames of the list are noticed.
     let mut frames: Vec<Frame> = bead.request_done(&Request::Identity)?.frames;
     let (numbers, boot) = (&arguments.strikes, arguments.boot);
     let mut kept = bead.kept()?;
@@ -97,7 +96,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
                 frames.extend(strike);
                 fetched += 1;
             }
-            // It alone gave way: the others may be there.
+            // Only this strike was refused: the others may still be there.
             Err(why @ LineError::Refused(_)) => failed = failed.or(Some(why)),
             Err(why) => {
                 failed = Some(why);
@@ -105,7 +104,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             }
         }
     }
-    // Those that came are written, whatever became of the others.
+    // Fetched strikes are written, even if others failed.
     if let Some(why) = failed.take_if(|_| fetched == 0) {
         return Err(why.into());
     }

@@ -1,4 +1,4 @@
-//! `bead figures`: runs the program `bead-figures`. Whoever draws nothing need not compile what draws.
+//! `bead figures`: runs the program `bead-figures`. Users who draw nothing need not compile the drawing code.
 
 use std::ffi::OsString;
 use std::os::unix::process::CommandExt;

@@ -136,7 +136,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let lines = bad
         .filter(|limit| limit.outcome != Outcome::Pass)
         .map(|limit| format!("{}: {}", subject(limit), sentence(limit)));
-    // The last line says the gravest.
+    // The failure, printed last, names the gravest limit.
     let is_last = |line: &String| failure.as_ref().is_some_and(|failure| failure.contains(line));
     for line in lines.filter(|line| !is_last(line)) {
         note!("{line}");

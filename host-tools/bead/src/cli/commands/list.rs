@@ -126,7 +126,7 @@ impl ListedRecording {
 
     fn row(&self) -> [String; 6] {
         let beads: Vec<String> = self.beads.iter().map(u8::to_string).collect();
-        // They have a column of their own, or only say how the verdict came about.
+        // Notes that have their own column, or only say how the verdict came about.
         let own = ["verdict", "date", "limits"];
         let notes = self.notes.iter().filter(|(key, _)| !own.contains(&key.as_str()));
         let notes: Vec<String> = notes.map(|(key, text)| format!("{key}={text}")).collect();

@@ -117,7 +117,7 @@ fn udp_address(text: &str) -> Result<SocketAddr, String> {
     found.ok_or_else(|| "give host and port number, as in 127.0.0.1:9870".to_owned())
 }
 
-/// Time after which the recording goes on in another file.
+/// Time after which the recording continues in another file.
 const SPLIT: Duration = Duration::from_secs(86_400);
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
@@ -189,7 +189,7 @@ impl Pages {
         })
     }
 
-    /// Shows all pages until `stop`. At the end of one, however it comes, everything stops.
+    /// Shows all pages until `stop`. When a page ends, for whatever reason, everything stops.
     fn show(
         self,
         monitor: &SharedMonitor,
@@ -253,7 +253,7 @@ fn show_recording(path: &Path, pages: Pages) -> Result<(), Failure> {
 fn show_beads(arguments: &Arguments, pages: Pages) -> Result<(), Failure> {
     let key = arguments.key.as_deref().map(key::read).transpose()?;
     let started = now();
-    // Before the work, which a name that does not do would waste.
+    // Before the work, which an unusable name would waste.
     record::target(arguments.out.as_deref(), arguments.overwrite, started)?;
     let live = arguments.emulate.as_deref();
     let live = live.map(|scenario| arguments.live_beads(scenario)).transpose()?;
@@ -292,7 +292,7 @@ fn show_beads(arguments: &Arguments, pages: Pages) -> Result<(), Failure> {
             scope.spawn(|| live.serve(&stop, &tell));
         }
         let pages = scope.spawn(|| pages.show(&monitor, Some(control), &stop));
-        // It sets `stop` at its end.
+        // The thread of the pages sets `stop` when it ends.
         let recorded = recorder.run(ports, &stop);
         (join(pages), recorded)
     });

@@ -204,7 +204,7 @@ pub(super) fn frames_came(recorded: &Recorded) -> Result<(), Failure> {
     }
 }
 
-/// Prints the strikes and faults of a recording. If standard output fails or pauses, the recording goes on.
+/// Prints the strikes and faults of a recording. If standard output fails or pauses, the recording continues.
 struct StrikePrinter {
     is_of_several: bool,
     format: Format,
@@ -239,7 +239,8 @@ impl RecorderObserver for StrikePrinter {
     }
 }
 
-/// The file of a recording that begins now. A name of the date is one that no file has yet, finished or not.
+/// The file of a recording that begins now. A name made from the date is one that no file has yet, finished
+/// or not.
 pub(super) fn target(
     out: Option<&Path>,
     overwrite: Overwrite,

@@ -38,7 +38,7 @@ Examples:
   bead settings reset --port tcp:192.168.1.7:4000
   bead settings key --new bead-8.key --port /dev/ttyUSB0";
 
-/// In place of the supply of the calibration.
+/// Text in place of the supply of the calibration where that is unknown.
 const SUPPLY_UNKNOWN: &str =
     "unknown: A and B hold at that supply alone, 1 % of it is 2 % of both, and no strike is flagged";
 
@@ -212,8 +212,8 @@ fn set_key(new: Option<&Path>, give: Option<&Path>, line: &LineOptions) -> Resul
     let bytes = key.as_ref().map_or([0; KEY], |key| *key.bytes());
     if let Err(error) = bead.request_done(&Request::SetKey { key: bytes }) {
         let Some(key) = &key else { return Err(error.into()) };
-        // A reply may have been lost, and the request that was sent again refused: the bead has the key then.
-        // To several beads, nothing was sent.
+        // A reply may have been lost, and the repeated request refused: the bead then has the key. With
+        // several beads on the line, nothing was sent.
         let was_sent = !matches!(error, LineError::Several(_));
         let has_it = if was_sent { bead.has_key(key) } else { Ok(false) };
         match (has_it, &error) {
@@ -298,7 +298,7 @@ pub(crate) struct SettingsReport {
     settings_raw: serde_json::Value,
 }
 
-/// Prints the settings in a block. `whose` begins the message if it is none.
+/// Prints the settings in a block. `whose` begins the message if the bytes are no block.
 fn print(block: &[u8], format: Format, whose: &str) -> Result<(), Failure> {
     let settings = Settings::decode(block).map_err(|error| match error {
         SettingsError::Version(_) => {

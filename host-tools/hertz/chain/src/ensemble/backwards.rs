@@ -1,11 +1,11 @@
-//! Derivatives of one number of the end of each chain of a group, by all constants of the chain at once.
+//! Derivatives of one number at the end of each chain of a group, with respect to all constants of the chain.
 //!
 //! # Design
 //!
-//! The run keeps the start of each step, and the derivatives follow the steps back from the end. What they
-//! pass is the transpose of the run's own arithmetic, stage by stage, with contacts that open and close: they
-//! are those of the number as it is computed, with the lengths of the steps held. All of them together take
-//! as long as some three runs, however many they are.
+//! The run keeps the start of each step, and a backward pass carries the derivatives from the end to the
+//! start, step by step. It applies the transpose of the run's own arithmetic, stage by stage, with contacts
+//! that open and close. The results are the derivatives of the number as it is computed, with the lengths of
+//! the steps held fixed. All of them together take as long as some three runs, however many they are.
 
 use pulp::{Arch, NullaryFnOnce};
 
@@ -16,19 +16,19 @@ use super::method::{DISPLACEMENT, END, NODES, STAGES, VELOCITY};
 use super::turn::{OverlapSlopes, StepOverlap};
 use crate::model::Model;
 
-/// Derivatives of one number by the end of a run.
+/// Derivatives of one number with respect to the end of a run.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct EndSlopes {
-    /// By the state, in the places of [`Model::layout`].
+    /// With respect to the state, in the places of [`Model::layout`].
     pub(crate) state: Vec<f64>,
-    /// By the greatest force of the one contact that is wanted.
+    /// With respect to the greatest force of the one contact that is wanted.
     pub(crate) peak: f64,
 }
 
-/// Derivatives of one number of a run by the constants of its chain.
+/// Derivatives of one number of a run with respect to the constants of its chain.
 #[derive(Debug, Clone)]
 pub(crate) struct ChainSlopes {
-    /// By 1/(M - m) of each body, κ and τ of each contact, k, c and 1/m of each intruder.
+    /// With respect to 1/(M - m) of each body, κ and τ of each contact, k, c and 1/m of each intruder.
     inverse: Vec<f64>,
     stiffness: Vec<f64>,
     relaxation: Vec<f64>,
@@ -61,7 +61,7 @@ impl ChainSlopes {
     }
 }
 
-/// Derivatives by the values of one body or intruder: of the state, and of each stage of a step.
+/// Derivatives with respect to the values of one body or intruder: in the state, and at each stage of a step.
 #[derive(Debug, Clone)]
 struct PlaceSlopes {
     place: Eight,
@@ -83,13 +83,13 @@ impl PlaceSlopes {
         rate: Eight::ZERO,
     };
 
-    /// Forgets what contacts added in another step.
+    /// Clears what contacts added in another step.
     fn clear_start(&mut self) {
         self.ends = [Eight::ZERO; 2];
         self.stages.iter_mut().for_each(|stages| stages[0] = Eight::ZERO);
     }
 
-    /// Sets the derivative by the acceleration of a stage, which later stages and contacts have used.
+    /// Returns the derivative by the acceleration of a stage, which later stages and contacts have used.
     #[inline(always)]
     fn gather<S: Wide, const STAGE: usize>(&mut self, simd: S, length: Vector<S>) -> Vector<S> {
         let (mut once, mut twice) = (all(simd, 0.0), all(simd, 0.0));
@@ -112,8 +112,8 @@ impl PlaceSlopes {
         rate
     }
 
-    /// Sets the derivatives by displacement and velocity of a stage. The start and the end of the step have
-    /// others beside.
+    /// Sets the derivatives by displacement and velocity of a stage. At the start and the end of the step
+    /// they are added to those already there.
     #[inline(always)]
     fn set<S: Wide, const STAGE: usize>(&mut self, simd: S, by_place: Vector<S>, by_velocity: Vector<S>) {
         let [places, velocities] = &mut self.stages;
@@ -142,17 +142,17 @@ impl PlaceSlopes {
     }
 }
 
-/// The way back of a group.
+/// The backward pass of a group.
 struct Backwards {
     bodies: Vec<PlaceSlopes>,
     guests: Vec<PlaceSlopes>,
     /// By the energy that each intruder dissipates.
     lost: Vec<Eight>,
     pulls: Vec<Eight>,
-    /// By the greatest force, and its time, s; infinite once it has been met.
+    /// By the greatest force, 0 once it has been met, and its time, s; infinite if none is wanted.
     peak: ([f64; LANES], [f64; LANES]),
-    /// By 1/(M - m) of each body over it, κ and (3/2) τ of each contact, k, c, and 1/m over it of each
-    /// intruder.
+    /// By the logarithm of 1/(M - m) of each body, κ and (3/2) τ of each contact, k, c and the logarithm of
+    /// 1/m of each intruder.
     inverse: Vec<Eight>,
     stiffness: Vec<Eight>,
     viscosity: Vec<Eight>,
@@ -161,7 +161,7 @@ struct Backwards {
     guest_inverse: Vec<Eight>,
 }
 
-/// Follows the kept steps of a group back from these derivatives by the end of each lane.
+/// Follows the kept steps of a group back from these derivatives with respect to the end of each lane.
 pub(super) fn back(group: &mut Group<'_>, ends: &[EndSlopes]) -> Vec<ChainSlopes> {
     let models = group.models;
     let mut back = Backwards::new(group, ends);
@@ -260,7 +260,7 @@ impl<S: Wide> NullaryFnOnce for BackCall<'_, '_, '_, S> {
 }
 
 impl Backwards {
-    /// Begins a step at its end. Bodies without a force are done with it.
+    /// Begins a step at its end. For bodies without a force, this completes the step.
     #[inline(always)]
     fn begin<S: Wide>(&mut self, simd: S, group: &Group<'_>) {
         let length = group.length.load(simd);
@@ -334,7 +334,7 @@ impl Group<'_> {
             .any(|run| (run.start - 1..run.end).contains(&body))
     }
 
-    /// The way back through greatest forces, and through contacts that open or close in the step.
+    /// The backward pass through greatest forces, and through contacts that open or close in the step.
     fn cross_back(&self, step: &KeptStep, back: &mut Backwards) {
         for overlap in &step.peaks {
             let lane = overlap.lane;
@@ -343,12 +343,12 @@ impl Group<'_> {
             if slope != 0.0 && time > from {
                 let x = ((time - from) / length).min(1.0);
                 back.add_overlap(overlap, &self.overlap(step, overlap).of_force(x), slope);
-                // It is in no earlier step.
+                // Earlier steps do not contain it.
                 back.peak.0[lane] = 0.0;
             }
         }
-        // All changes were computed before any was applied: all derivatives by them come before any by
-        // others.
+        // The run computed all changes before it applied any, so all derivatives by changes are computed here
+        // before any are passed on.
         let by_changes = step.crossings.iter().map(|&KeptCrossing { overlap, change }| {
             let (contact, lane) = (overlap.contact, overlap.lane);
             let mut by_change = [0.0; 2];

@@ -11,7 +11,7 @@ pub(super) struct ChainShape {
     pub(super) walled: bool,
     /// The bead that hosts each intruder, in order.
     pub(super) hosts: Vec<usize>,
-    /// Intruders that another one of the bead carries, an earlier one, each with its carrier.
+    /// Carried intruders, each with its carrier, an earlier intruder of the same bead.
     pub(super) nested: Vec<(usize, usize)>,
 }
 
@@ -68,8 +68,8 @@ pub(super) struct Constants {
 const THRESHOLD: f64 = 1e-13;
 /// Longest step as a part of the shortest contact, so that no step passes over a collision.
 const LONGEST: f64 = 1.0;
-/// Steps that a chain may try: for each of its fewest steps, and in addition. It tries more if rounding is
-/// above the allowed error, as for a striker that is 1e30 times lighter than a bead.
+/// Steps that a chain may try: for each of its fewest steps, and in addition. A chain needs more if rounding
+/// is above the allowed error, as for a striker that is 1e30 times lighter than a bead.
 const TRIES_FOR_EACH: f64 = 100.0;
 const TRIES_BESIDES: u64 = 100_000;
 

@@ -2,9 +2,9 @@
 //!
 //! # Design
 //!
-//! All arithmetic is lane by lane, and no lane's steps depend on another's, so a chain has the same bits in
-//! any company. The set of computed contacts is common: those that carry a force, or might in this step, in
-//! any of the chains. All others carry no force, so leaving them out changes nothing.
+//! All arithmetic is lane by lane, and no lane's steps depend on another's, so a chain has the same bits
+//! whatever the other lanes hold. The set of computed contacts is common: those that carry a force, or might
+//! in this step, in any of the chains. All others carry no force, so leaving them out changes nothing.
 
 use std::ops::Range;
 
@@ -72,7 +72,7 @@ pub(super) struct Group<'a> {
     /// Contacts that open or close in the step, by number and lane.
     crossings: Vec<(usize, usize)>,
     changes: Vec<Changes>,
-    /// First of the bodies before whose motion each lane stops, if wanted, and the stopped lanes.
+    /// First of the bodies whose motion stops a lane, if wanted, and the stopped lanes.
     unpushed: Option<usize>,
     stopped: [Option<SavedChain>; LANES],
     /// Models of the lanes, for their contacts, and the contacts whose greatest force is wanted.
@@ -80,7 +80,7 @@ pub(super) struct Group<'a> {
     pub(super) peaks: Vec<ForcePeaks>,
     /// Greatest |x| of each intruder so far, m; empty if not wanted.
     pub(super) strokes: Vec<Eight>,
-    /// The steps, if they are to be followed back.
+    /// The steps, if a backward pass will need them.
     pub(super) kept: Option<KeptSteps>,
 }
 
@@ -410,7 +410,7 @@ impl Group<'_> {
             let rate = pull.times_plus(constants.inverse[host].load(simd), pushed);
             self.rates[host][STAGE] = rate.store();
         }
-        // A host may have several: their pulls are all in its rate by now.
+        // A host may have several intruders; its rate contains all their pulls by now.
         for &guest in &self.guests {
             let rate = self.rates[self.shape.hosts[guest]][STAGE].load(simd);
             let pull = self.pulls[guest].load(simd);
@@ -429,9 +429,9 @@ impl Group<'_> {
         }
     }
 
-    /// Subtracts the pull of each carried intruder from that of its carrier, which comes before it, so that
-    /// its own carrier has its whole pull by then. The sum of all pulls in a host is that of the intruders
-    /// that it carries itself.
+    /// Subtracts the pull of each carried intruder from that of its carrier. A carrier comes before what it
+    /// carries, so each pull is still whole when it is subtracted. The pulls in a host then add up to those
+    /// of the intruders that it carries itself.
     #[inline(always)]
     fn pull_carriers<S: Wide>(&mut self, simd: S) {
         for &(guest, carrier) in self

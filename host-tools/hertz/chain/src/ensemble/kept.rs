@@ -1,4 +1,4 @@
-//! The steps of a group, kept to be followed back.
+//! The steps of a group, kept for a backward pass.
 
 use std::ops::Range;
 

@@ -2,12 +2,12 @@
 //!
 //! # Design
 //!
-//! Chains of one shape, which differ in numbers alone, are computed eight at a time, each in a vector lane
+//! Chains of one shape, which differ only in numbers, are computed eight at a time, each in a vector lane
 //! ([`group`]). Every lane has its own steps ([`method`]) and its own contacts that open and close
-//! ([`crossing`]). A chain therefore has the same bits in any company, in any order, on any number of
-//! threads, and on any processor with fused multiplication and addition. The motion before the wave reaches
-//! an intruder is computed once for chains that differ in their intruders alone ([`prefix`]). Other chains
-//! run one by one, as does a chain that does not reach its end in a group.
+//! ([`crossing`]). A chain therefore has the same bits whatever runs beside it, in any order, on any number
+//! of threads, and on any processor with fused multiplication and addition. The motion before the wave
+//! reaches an intruder is computed once for chains that differ only in their intruders ([`prefix`]). Other
+//! chains run one by one, as does a chain that does not reach its end in a group.
 
 mod backwards;
 mod chain;
@@ -79,9 +79,9 @@ impl<'a> EnsembleOptions<'a> {
 /// The absorbed energy has a relative error of at most 1e-6, and a greatest force of 1e-5, in chains like the
 /// paper's. In chains of mixed spheres, and with stiff intruders, the errors are at most 3e-6 of the
 /// striker's energy and 4e-5 of the force. Thousands of random chains were tried; the tests compare them with
-/// [`simulate_with`](crate::simulate_with()). Scenarios that differ in numbers alone are fast: as many beads,
-/// intruders in the same beads, a wall in all or none. Chains under a load, those with clipped forces and
-/// those with springs that harden or soften run one by one.
+/// [`simulate_with`](crate::simulate_with()). Scenarios that differ only in numbers are fast: equally many
+/// beads, intruders in the same beads, a wall in all or none. Chains under a load, those with clipped forces
+/// and those with springs that harden or soften run one by one.
 ///
 /// # Errors
 /// Each scenario has its own [`SimulateError`]; the others run all the same.
@@ -109,7 +109,7 @@ pub(crate) fn ensemble_on(
         }
     }
     prefixes.share(&mut grouped, options.peaks);
-    // Chains with equal strikes take as many steps, so they wait least for each other.
+    // Chains with equal strikes take about equally many steps, so they wait least for each other.
     grouped.sort_by(|(one, a), (other, b)| {
         let speeds = a.model.striker_speed().total_cmp(&b.model.striker_speed());
         one.cmp(other).then(speeds)
@@ -148,8 +148,8 @@ pub(crate) fn ensemble_on(
     found.into_iter().map(|(_, outcome)| outcome).collect()
 }
 
-/// Runs scenarios of one shape, and finds the derivatives of one number of each by the constants of its
-/// chain, as [`together::run_and_back`] does. `None`: they have none, or cannot run in groups.
+/// Runs scenarios of one shape, and finds the derivatives of one number of each with respect to the constants
+/// of its chain, as [`together::run_and_back`] does. `None` if there are none, or no groups are possible.
 pub(crate) fn slopes_on(
     scenarios: &[Scenario],
     peaks: &[usize],

@@ -35,7 +35,7 @@ impl EnsembleOutcome {
         self
     }
 
-    /// This end in another chain.
+    /// The same end, on another chain.
     pub(crate) fn on(&self, model: Model) -> Self {
         let model = Arc::new(model);
         Self {
@@ -62,8 +62,8 @@ impl EnsembleOutcome {
 
     /// The state of the chain at its end.
     ///
-    /// The energy dissipated in viscous contacts is the part of the first energy that nothing else has, so
-    /// the sum of all energies does not show the error here.
+    /// The energy dissipated in viscous contacts is what all other energies leave of the initial one, so the
+    /// sum of all energies does not show the error here.
     pub fn end(&self) -> Snapshot<'_> {
         Snapshot {
             model: &self.model,

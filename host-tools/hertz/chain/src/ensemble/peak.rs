@@ -55,7 +55,7 @@ impl ForcePeaks {
 pub(super) fn farthest(known: f64, length: f64, (start, end): (PlaceState, PlaceState)) -> f64 {
     let ends = start[0].abs().max(end[0].abs());
     let turns = start[1] * end[1] < 0.0;
-    // A turn worth a search lies between ends that are not far nearer.
+    // A turn worth a search lies between ends that are not far below the known value.
     if !turns || 2.0 * ends < known {
         return known.max(ends);
     }

@@ -108,7 +108,7 @@ pub(super) fn before(
 }
 
 /// Runs up to eight chains to their ends and finds the greatest forces of `peaks`, and the intruders' strokes
-/// if wanted. `None`: it got stuck.
+/// if wanted. `None` for a chain that got stuck.
 pub(super) fn run(
     shape: &ChainShape,
     members: &[&GroupMember<'_>],
@@ -126,8 +126,8 @@ pub(super) fn run(
     members.iter().enumerate().map(outcome).collect()
 }
 
-/// Runs up to eight chains to their ends and back. `ends` gives the derivatives of a number of each by its
-/// end, which may need the greatest force of one contact. `None`: one got stuck, or has no such number.
+/// Runs up to eight chains to their ends and back. `ends` returns the derivatives of a number of each by its
+/// end, which may need the greatest force of one contact. `None` if a chain got stuck or has no such number.
 pub(super) fn run_and_back(
     shape: &ChainShape,
     members: &[&GroupMember<'_>],

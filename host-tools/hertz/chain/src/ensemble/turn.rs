@@ -1,4 +1,4 @@
-//! Derivatives of what is computed from the overlap of a contact within a step.
+//! Derivatives of forces and crossings with respect to the overlap of a contact in a step.
 
 use super::crossing::{RULE, SEARCH};
 use super::method::{DISPLACEMENT, END, NODES, STAGES, VELOCITY};
@@ -16,7 +16,7 @@ pub(super) struct StepOverlap {
     pub(super) viscosity: f64,
 }
 
-/// Derivatives by the overlap at the ends of a step, and by the law of the contact.
+/// Derivatives with respect to the overlap at the ends of a step, and to the law of the contact.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct OverlapSlopes {
     pub(super) start: PlaceState,
@@ -34,7 +34,7 @@ struct Sums {
 }
 
 impl StepOverlap {
-    /// Derivatives of a force at the part `x` of the step that stays at this part.
+    /// Derivatives of the force at the part `x` of the step, with `x` held fixed.
     pub(super) fn of_force(&self, x: f64) -> OverlapSlopes {
         let mut sums = Sums::default();
         self.add_force(&mut sums, &self.polynomial(), x, 1.0);

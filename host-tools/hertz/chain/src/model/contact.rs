@@ -15,8 +15,8 @@ pub struct Contact {
     pub load: f64,
     /// Overlap at rest, (F₀/κ)^(2/3), m.
     pub static_overlap: f64,
-    /// Other powers than Hertz' with a damping of the exponent 1/2, or friction; κ is then in N/mⁿ, and
-    /// `relaxation` is 0.
+    /// Powers and friction of a law other than Hertz' with damping exponent 1/2 and no friction; κ is then
+    /// in N/mⁿ, and `relaxation` is 0.
     pub(crate) powers: Option<ContactPowers>,
 }
 
@@ -50,7 +50,7 @@ impl Contact {
         }
     }
 
-    /// Gives the contact of bodies with this curvature, 1/m, and reduced mass, kg, another law.
+    /// Applies another law to the contact of bodies with this curvature, 1/m, and reduced mass, kg.
     pub(super) fn with_law(mut self, law: &ContactLaw, curvature: f64, reduced_mass: f64) -> Self {
         let (n, p) = (law.exponent, law.damping_power());
         self.stiffness = law.stiffness.unwrap_or(self.stiffness);

@@ -14,7 +14,7 @@ pub(super) fn of(scenario: &Scenario) -> Vec<HostedIntruder> {
         let intruder = &scenario.intruders[table];
         HostedIntruder {
             bead,
-            // Tables are counted from 1 there.
+            // `inside` counts tables from 1.
             carrier: intruder
                 .inside
                 .and_then(|number| places.binary_search(&(bead, number - 1)).ok()),
@@ -32,7 +32,7 @@ pub struct HostedIntruder {
     /// The host bead, from 1.
     pub bead: usize,
     /// Number in [`Model::intruders`](crate::Model::intruders) of the intruder that carries it, an earlier
-    /// one of this bead; `None` if the bead itself does.
+    /// one of this bead; `None` if the bead carries it.
     pub carrier: Option<usize>,
     /// Mass, stiffness and damping.
     pub oscillator: Oscillator,

@@ -46,7 +46,7 @@ fn same(model: &Model, one: &[f64], other: &[f64], most: f64) {
     assert!(error < most, "{error:e}");
 }
 
-/// Turns all velocities round.
+/// Reverses all velocities.
 fn turned(model: &Model, mut state: Vec<f64>) -> Vec<f64> {
     let layout = model.layout();
     let velocities = layout.velocity(0)..layout.relative(0);
@@ -200,7 +200,7 @@ fn small_waves_on_a_loaded_chain_have_the_frequencies_of_a_lattice() {
         for bead in 1..=beads {
             start[layout.velocity(bead)] = amplitude * omega * shape(bead);
         }
-        // An eighth of a period on, displacement and velocity over its greatest are alike.
+        // After an eighth of a period, displacement and velocity are equal parts of their greatest values.
         let end = evolve(&model, &start, 0.25 * std::f64::consts::PI / omega);
         for bead in 1..=beads {
             let expected = 0.5_f64.sqrt() * shape(bead);

@@ -4,9 +4,9 @@ use super::catalogue::CatalogueSpring;
 
 /// Part by which strokes of a search stay below their limit: far more than the error of an ensemble.
 const MARGIN: f64 = 1e-5;
-/// Logarithm of a stroke over its limit, without the margin, up to which the limit is kept.
+/// Logarithm of a stroke over its limit, without the margin, up to which the limit counts as kept.
 const KEPT: f64 = 5e-6;
-/// Part of its limit below which a stroke counts as this: an intruder that never moved has no logarithm.
+/// Part of its limit that a shorter stroke counts as: an intruder that never moved has no logarithm.
 const LEAST_STROKE: f64 = 1e-3;
 
 /// Mass, kg, stiffness, N/m, and damping, N·s/m.

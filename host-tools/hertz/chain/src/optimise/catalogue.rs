@@ -66,7 +66,7 @@ impl Catalogue {
     /// Reads a file as [`from_toml`](Self::from_toml) does.
     ///
     /// # Errors
-    /// As there, and if the file cannot be read.
+    /// As for `from_toml`, and if the file cannot be read.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, InputError> {
         let path = path.as_ref();
         let text = read_text(path, "a catalogue of springs in TOML")?;
@@ -78,7 +78,7 @@ impl Catalogue {
         &self.springs
     }
 
-    /// The springs with stiffness, damping and mass in these ranges, as far as they have them.
+    /// The springs whose stiffness, damping and mass are in these ranges, where they have them.
     ///
     /// # Errors
     /// [`OptimiseError::Search`] if there is none.

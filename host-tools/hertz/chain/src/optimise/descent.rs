@@ -12,25 +12,25 @@ use super::search::Search;
 use super::variables::Variables;
 use crate::simulate::SimulateError;
 
-/// Gradients in vain after which a descent ends: between kinks it can wander without an end.
+/// Gradients without a gain after which a descent ends: between kinks it could wander forever.
 const PATIENCE: usize = 30;
 /// Gradients over whose gain a descent that keeps all limits is judged, and the gain below which it ends.
 const WINDOW: usize = 10;
 const GAINED: f64 = 1e-6;
-/// Such gains that a descent may be above its rival. Its last part takes some 30 gradients for each power of
-/// ten, so it can hardly hope for more than one.
+/// Number of such gains by which a descent may be above its rival. Its last part takes some 30 gradients for
+/// each power of ten, so it can hardly hope for more than one.
 const HOPE: f64 = 3.0;
 /// Relative change of the share below which a descent ends.
 const SETTLED: f64 = 1e-9;
-/// Shares are smooth to this, so a share so little above its bound is at it.
+/// Shares are smooth to this, so a share this little above its bound counts as at the bound.
 const SMOOTH: f64 = 1e-7;
 /// Greatest logarithm of a stroke over its limit that a descent regards.
 const OVERREACH_MOST: f64 = 100.0;
-/// Factor of a mean that a descent makes small. The method takes its curvature for 1 at first; in these
-/// variables that of a share is some tenth, and where the method overrates it, its steps are too short.
+/// Factor of a mean that a descent minimises. The method first assumes a curvature of 1. That of a share is
+/// some tenth in these variables, and where the method overrates it, its steps are too short.
 const SCALE: f64 = 10.0;
 
-/// Number that a descent makes small.
+/// Number that a descent minimises.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Aspect {
     /// The search's value of a design, within the limits on strokes.
@@ -67,7 +67,7 @@ impl Problem<'_> {
         to(within, Aspect::Value)
     }
 
-    /// Returns the parts of which a descent makes the greatest small, for these values of a design.
+    /// Returns the parts whose greatest a descent minimises, for these values of a design.
     fn parts(&self, values: &DesignValues, bounds: &[Bounds], aspect: Aspect) -> Vec<f64> {
         match aspect {
             Aspect::Value => self.search.parts(&values.shares),
@@ -195,8 +195,8 @@ impl Problem<'_> {
     /// The first value of the bound t on an aspect, and its range.
     fn bound_of(&self, start: &TriedDesign, aspect: Aspect) -> (f64, (f64, f64)) {
         match aspect {
-            // A fresh start has not been tried. No share of energy is above 1, and a design that doubles what
-            // it is to make small is no start.
+            // A fresh start has not been tried. No share of energy is above 1, and a design that doubles the
+            // value to be minimised is no start.
             Aspect::Value => {
                 let remaining = self.search.objective == Objective::Remaining;
                 (start.value.min(1.0), (0.0, if remaining { 1.0 } else { 2.0 }))
@@ -235,9 +235,9 @@ fn minimised(
     }
 }
 
-/// Places to either side of one in a variable, and their distance in it.
+/// Places to either side of another along one variable, and the distance between them.
 type Beside = ([Vec<f64>; 2], f64);
-/// Values there.
+/// Values at these two places, and the distance between them.
 type ValuesBeside = ([DesignValues; 2], f64);
 
 /// Values at a place of the variables, and on demand beside it.
@@ -260,7 +260,7 @@ struct Descent<'a> {
     best: TriedDesign,
     /// True once the evaluations are spent or the search was asked to stop.
     full: bool,
-    /// True once the method has lost its way: it tries numbers that are none, or gains nothing any more.
+    /// True once the method has lost its way: it tries values that are not numbers, or gains nothing.
     lost: bool,
     /// Gradients since the best design was found.
     in_vain: usize,
@@ -342,7 +342,7 @@ impl Descent<'_> {
         })
     }
 
-    /// Ends a descent that gains next to nothing any more, or too little to beat its rival.
+    /// Ends a descent that gains next to nothing, or too little to beat its rival.
     fn judge(&mut self) {
         let best = self.best.value;
         self.bests.push(best);

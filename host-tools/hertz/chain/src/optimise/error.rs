@@ -1,9 +1,9 @@
-//! Why there is no optimum.
+//! Reasons why no optimum was found.
 
 use crate::scenario::InputError;
 use crate::simulate::SimulateError;
 
-/// Why there is no optimum.
+/// Reason why no optimum was found.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum OptimiseError {

@@ -109,16 +109,16 @@ impl Optimum {
 const IN_VAIN: usize = 6;
 
 /// Finds the intruders with the least value of the search's objective. The scenario's own are left out.
-/// `watch` hears how far the search has come and may stop it. The same input gives the same result, on any
-/// number of processors.
+/// `watch` is called with the progress of the search and may stop it. The same input gives the same result,
+/// on any number of processors.
 ///
 /// The result is a local optimum, the best of several descents. Nothing proves that there is no better one.
 /// Designs are compared with [`ensemble`](crate::ensemble()), and the result is run again at
 /// [`Accuracy::REFERENCE`].
 ///
-/// Under a [`Search::spread`], the optimum without it is found first, and the robust design then. With
-/// [`Search::hosts_at_most`], the hosts are chosen before, and with a [`Search::catalogue`], the springs
-/// after each optimum with free stiffnesses.
+/// Under a [`Search::spread`], the optimum without it is found first, then the robust design. With
+/// [`Search::hosts_at_most`], the hosts are chosen beforehand; with a [`Search::catalogue`], the springs are
+/// chosen after each optimum with free stiffnesses.
 ///
 /// # Errors
 /// [`OptimiseError`]: a value of scenario or search is out of range, or a run cannot go on.
@@ -140,7 +140,7 @@ pub fn optimise(
     Ok(found)
 }
 
-/// Finds the best intruders of all hosts, from `first` too.
+/// Finds the best intruders of all hosts; `first` is an additional start.
 fn in_all_hosts(
     scenario: &Scenario,
     search: &Search,
@@ -159,7 +159,7 @@ fn in_all_hosts(
     let (plain_worst, plain_worst_at) = worst_of(scenario, search, &plain)?;
     let plain_strokes = strokes_of(&plain.scenario(scenario), search)?;
     if plain_worst < worst && keeps_limits(search, &plain, &plain_strokes) {
-        // The search was stopped, or spent its evaluations, before it came as far as where it began.
+        // The search was stopped, or spent its evaluations, before it was as good as its start.
         (worst, worst_at) = (plain_worst, plain_worst_at);
         robust = Optimum {
             strokes: plain_strokes.clone(),
@@ -272,7 +272,7 @@ impl Problem<'_> {
         Ok(in_vain)
     }
 
-    /// Finds the best design, from `first` too.
+    /// Finds the best design; `first` is an additional start.
     fn find(&self, first: Option<Design>) -> Result<Found, OptimiseError> {
         let (search, bounds) = (self.search, [self.bounds]);
         let coarse = self.coarse()?;
@@ -385,7 +385,7 @@ impl Problem<'_> {
     }
 }
 
-/// Finds the best intruders, from `first` too.
+/// Finds the best intruders; `first` is an additional start.
 fn best_of(
     scenario: &Scenario,
     search: &Search,

@@ -2,11 +2,11 @@
 //!
 //! # Design
 //!
-//! All beads that may hold one begin with one. The one whose loss costs least is dropped, and the others are
-//! improved, until as many are left as are wanted. Then an intruder moves to a bead without one, past others
-//! or by moving these on: such moves are tried as they are first, and then improved in the order of their
-//! values. The choice is final when no move gains. An intruder more never costs anything, since its spring
-//! can hold it fast, so no choice has fewer than are wanted.
+//! All beads that may hold an intruder begin with one. The intruder whose loss costs least is dropped, and
+//! the others are improved, until as few are left as are wanted. Then an intruder moves to a bead without
+//! one, past others or by moving these on. Such moves are first tried as they are, and then improved in the
+//! order of their values. The choice is final when no move gains. An additional intruder never costs
+//! anything, since its spring can hold it fast, so no choice has fewer than are wanted.
 
 use std::collections::HashSet;
 
@@ -18,9 +18,9 @@ use crate::simulate::SimulateError;
 
 /// The end of the search for hosts.
 pub(super) struct ChosenHosts {
-    /// The search for intruders in them alone.
+    /// The search for intruders in the chosen hosts only.
     pub(super) search: Search,
-    /// A good design for them.
+    /// A good design for the chosen hosts.
     pub(super) design: Design,
     /// Progress of the search.
     pub(super) sofar: SearchProgress,
@@ -64,7 +64,7 @@ impl Problem<'_> {
         }
     }
 
-    /// Runs part of the search in these hosts alone.
+    /// Runs part of the search in these hosts only.
     fn in_hosts<T>(
         &self,
         hosts: &[usize],
@@ -107,7 +107,7 @@ impl Problem<'_> {
             (hosts, design)
         });
         let all = self.ranked(dropped.collect())?;
-        // A search that is stopped has ranked none.
+        // A stopped search has ranked none.
         let (hosts, start) = all.into_iter().next().unwrap_or_else(|| {
             let mut hosts = now.hosts.clone();
             hosts.pop();
@@ -121,8 +121,8 @@ impl Problem<'_> {
         Ok(Hosted { hosts, best })
     }
 
-    /// Moves one intruder to a bead without one, if that gains. `None`: no move does, or the search was spent
-    /// or stopped.
+    /// Moves one intruder to a bead without one, if that gains. Returns `None` if no move gains, or if the
+    /// search was spent or stopped.
     fn moved(&self, now: &Hosted, tried: &mut HashSet<Vec<usize>>) -> Result<Option<Hosted>, SimulateError> {
         let empty = self.hosts.iter().filter(|host| !now.hosts.contains(host));
         let mut moves = Vec::new();
@@ -163,7 +163,7 @@ impl Problem<'_> {
         Ok(None)
     }
 
-    /// Designs of other hosts as they are, the best first; those tried before the search was stopped.
+    /// Unimproved designs on other hosts, the best first; those tried before the search was stopped.
     fn ranked(
         &self,
         designs: Vec<(Vec<usize>, Design)>,

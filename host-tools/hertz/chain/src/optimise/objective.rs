@@ -83,7 +83,7 @@ impl Objective {
         })
     }
 
-    /// Derivatives of its value by the end of a run; `None` if no energy was given.
+    /// Derivatives of its value with respect to the end of a run; `None` if no energy was given.
     pub(super) fn slopes(self, outcome: &EnsembleOutcome) -> Option<EndSlopes> {
         let (model, end) = (outcome.model(), outcome.end());
         let (layout, mut state) = (model.layout(), vec![0.0; end.state.len()]);
@@ -161,7 +161,7 @@ impl Objective {
         Ok(of(to)? - of(from)?)
     }
 
-    /// Its value without intruders, by which a search divides, so that all objectives are parts of one.
+    /// Value without intruders, by which a search divides each value, so that all objectives are relative.
     pub(super) fn scale(self, bare: &Scenario, speed: f64) -> Result<f64, OptimiseError> {
         if self == Self::Remaining {
             return Ok(1.0);

@@ -55,7 +55,7 @@ impl TriedDesign {
         }
     }
 
-    /// Value that another design must beat; infinite if any is better that keeps the limits on strokes.
+    /// Value that another design must beat; infinite if this one breaks a limit on strokes.
     pub(super) fn rival(&self) -> f64 {
         if self.excess == 0.0 {
             self.value
@@ -89,7 +89,7 @@ impl TriedDesign {
 /// Least useful gain, in the share.
 pub(super) const GAINED: f64 = 1e-6;
 
-/// Values of a design, corner of the spread by corner, and for each at every speed.
+/// Values of a design at every speed, for one corner of the spread after another.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct DesignValues {
     /// The objective as a part of that without intruders.
@@ -156,7 +156,7 @@ impl<'a> Problem<'a> {
         })
     }
 
-    /// The problem of another search of the same strikes, as far as this one has come.
+    /// The problem of another search of the same strikes, which takes over the progress of this one.
     pub(super) fn on<'b>(&'b self, search: &'b Search) -> Problem<'b> {
         Problem {
             bare: self.bare.clone(),

@@ -38,7 +38,7 @@ pub struct Remaining {
     pub intruders: Vec<Absorption>,
 }
 
-/// Runs a scenario with its striker at `speed`, m/s, and says what remains.
+/// Runs a scenario with its striker at `speed`, m/s, and returns the energy that remains.
 ///
 /// The run lasts the scenario's duration times (V/`speed`)^(1/5), V being the scenario's speed. In that time
 /// the wave comes equally far at any speed: exactly so on an elastic chain without intruders, gaps and load.

@@ -30,7 +30,7 @@ pub struct Search {
     /// Least and greatest damping, N·s/m.
     pub damping: [f64; 2],
     /// Loss factor η = c / √(k m) of all intruders: it ties the damping to mass and stiffness, as one
-    /// material for all springs does. [`Search::damping`] counts for nothing then.
+    /// material for all springs does. [`Search::damping`] is then ignored.
     pub loss_factor: Option<f64>,
     /// Greatest displacement |x| of an intruder from rest in its host, m, at any strike and corner of the
     /// spread; none if any is allowed.
@@ -52,8 +52,8 @@ pub struct Search {
     /// True if all intruders are to be alike.
     pub alike: bool,
     /// Most designs to try, each at every speed and corner of the spread, where a gradient counts as
-    /// [`Search::GRADIENT_RUNS`]. A spread allows as many before for the optimum without it, a choice of
-    /// hosts as many for that, and a catalogue for the choice of springs.
+    /// [`Search::GRADIENT_RUNS`]. A spread allows as many again for the optimum without it, a choice of hosts
+    /// as many for that choice, and a catalogue as many for the choice of springs.
     pub evaluations: usize,
 }
 
@@ -87,8 +87,8 @@ impl Search {
     pub const GRADIENT_RUNS: usize = 4;
 
     /// A search with bounds taken from the chain. Masses go up to half the lightest host. Stiffness and
-    /// damping go from far below to far above M ω² and M ω, the values that answer to a strike: M is the
-    /// lightest host's mass and π/ω the time of a contact.
+    /// damping go from far below to far above M ω² and M ω, at which an intruder responds to a strike: M
+    /// is the lightest host's mass and π/ω the time of a contact.
     ///
     /// # Errors
     /// [`OptimiseError`]: a search cannot use the scenario, the hosts or the total mass.
@@ -118,8 +118,8 @@ impl Search {
         })
     }
 
-    /// Lets the radii of some beads vary too. The masses of intruders go up to half the lightest host at its
-    /// smallest from now on.
+    /// Lets the radii of some beads vary too. The masses of intruders then go up to half the lightest host at
+    /// its smallest.
     ///
     /// # Errors
     /// [`OptimiseError`]: the sizes name other beads than the chain's, or no range of radii.
@@ -169,8 +169,8 @@ impl Search {
         sizes.beads.iter().map(own).collect()
     }
 
-    /// The values of which a search makes the greatest small, given those of all strikes at one corner of the
-    /// spread after the other.
+    /// The values whose greatest a search minimises, given those of all strikes at one corner of the spread
+    /// after the other.
     pub(super) fn parts(&self, shares: &[f64]) -> Vec<f64> {
         let corners = self.spread.corners().len();
         match self.aim {
@@ -190,7 +190,7 @@ impl Search {
     /// Checks that a search can use these options, as [`optimise`](crate::optimise()) does first.
     ///
     /// # Errors
-    /// [`OptimiseError`]: what it cannot use.
+    /// [`OptimiseError`]: the search cannot use a value of the scenario or an option.
     pub fn check(&self, scenario: &Scenario) -> Result<(), OptimiseError> {
         scenario.check()?;
         needs_strike(scenario)?;
@@ -207,7 +207,7 @@ impl Search {
         springs.unwrap_or_else(|| Ok(Vec::new()))
     }
 
-    /// Refuses bounds with intruders of which no run would end, since the run would blame such an intruder.
+    /// Refuses bounds with intruders too fast for any run, since the run would blame such an intruder.
     fn check_rates(&self, scenario: &Scenario) -> Result<(), InputError> {
         let (mass, stiffness, damping) = (self.mass, self.stiffness, self.damping);
         let tied = |mass, stiffness| self.bounds().tied([mass, stiffness, damping[1]]);

@@ -13,15 +13,15 @@ use crate::scenario::Scenario;
 const MOST_BEADS: usize = 1000;
 
 impl Problem<'_> {
-    /// Tries a design, and says which values those beside it have to first order. `None` if no derivatives
-    /// can be had, or the search was stopped.
+    /// Tries a design, and returns its values and, to first order, those of the designs beside it. `None` if
+    /// no derivatives can be had, or the search was stopped.
     pub(super) fn try_around(
         &self,
         here: &Design,
         beside: &[[Design; 2]],
     ) -> Option<(DesignValues, Vec<[DesignValues; 2]>)> {
         let (search, corners) = (self.search, self.search.spread.corners());
-        // Radii change what designs have in common, and what beads that move at first bring along.
+        // Radii change the motion that designs share, and the energy of beads that move at first.
         let (prefixes, sized) = (&Prefixes::default(), search.sizes.is_some());
         let prefixes = if sized { prefixes } else { &self.prefixes };
         let long = self.bare.chain.beads > MOST_BEADS;
@@ -86,7 +86,7 @@ mod tests {
     /// and bends by a few 1e-4.
     const STEP: f64 = 2e-3;
 
-    /// In contacts that lose energy: without, a share bends too sharply where beads touch again.
+    /// With contacts that lose energy: without, a share bends too sharply where beads touch again.
     #[test]
     fn exact_derivatives_are_those_of_differences() {
         for objective in [

@@ -63,7 +63,7 @@ impl Spread {
     }
 }
 
-/// Greatest spread: a spring or damper of nothing is none.
+/// Greatest spread: springs and dampers must not vanish.
 const MOST: f64 = 0.9;
 
 /// The intruders with deviating springs and dampers.

@@ -1,10 +1,10 @@
 //! Motions that repeat, followed as a drive changes.
 //!
 //! # Design
-//! The branch is a curve of points and drives. It is followed along its length and not along the drive
-//! (pseudo-arclength, Keller 1977): so it goes around a fold, where the drive turns back. A step goes along
+//! The branch is a curve of points and drives. It is followed along its length, not along the drive
+//! (pseudo-arclength, Keller 1977), so it passes around a fold, where the drive turns back. A step goes along
 //! the tangent, and Newton's method leads back to the curve, in the plane across the tangent. Folds are
-//! located: the place where the tangent has no part along the drive.
+//! located where the tangent has no component along the drive.
 
 use std::ops::{ControlFlow, RangeInclusive};
 use std::str::FromStr;
@@ -45,7 +45,7 @@ impl DriveParameter {
         }
     }
 
-    /// Its value in a scenario with a sine as drive.
+    /// Value of the parameter in a scenario that is driven by a sine.
     pub fn value(self, scenario: &Scenario) -> Option<f64> {
         let drive = scenario.drive.as_ref()?;
         match self {
@@ -66,7 +66,7 @@ impl DriveParameter {
     }
 }
 
-/// How far a branch is followed, and in what steps.
+/// Extent of a branch, and its step lengths.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct BranchOptions {
@@ -74,8 +74,7 @@ pub struct BranchOptions {
     pub points: usize,
     /// Longest step: of the parameter as a part of its range, and of the motion in static overlaps.
     pub longest_step: f64,
-    /// Value of the parameter that ends a branch which turned back, m, N or Hz; that of the start if there is
-    /// none.
+    /// Value of the parameter that ends a branch which turned back, m, N or Hz; that of the start if `None`.
     pub back: Option<f64>,
 }
 
@@ -127,15 +126,15 @@ pub struct BranchPoint {
     pub bifurcation: Option<Bifurcation>,
 }
 
-/// Why a branch ends.
+/// Reason why a branch ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum BranchEnd {
     /// The parameter reached an end of its range.
     Range,
-    /// It has the most points that were allowed.
+    /// The branch has as many points as are allowed.
     Points,
-    /// Newton's method found no motion in steps however short.
+    /// Newton's method found no motion even in the shortest steps.
     Lost,
     /// The caller stopped it.
     Stopped,
@@ -161,7 +160,7 @@ pub struct Branch {
     pub parameter: DriveParameter,
     /// The motions in order along the branch.
     pub points: Vec<BranchPoint>,
-    /// Why it ends.
+    /// Reason why the branch ends.
     pub end: BranchEnd,
 }
 
@@ -334,7 +333,7 @@ fn along(tangent: &DVector<f64>) -> f64 {
     tangent[tangent.len() - 1]
 }
 
-/// Steps of Newton's method at most, and those after which the next step may be longer.
+/// Most steps of Newton's method, and the most after which the next step may be longer.
 const ITERATIONS: usize = 8;
 const EASY: usize = 3;
 
@@ -395,7 +394,7 @@ impl Curve {
         Ok(self.map.with_drive_of(&self.scenario(value))?)
     }
 
-    /// Derivative of what a period misses, by point and parameter: one row less than columns.
+    /// Derivative of end minus start of a period by point and parameter: one row fewer than columns.
     fn jacobian(&self, place: &DVector<f64>) -> Result<DMatrix<f64>, PeriodicError> {
         let (point, value) = self.split(place);
         let (_, derivative) = self.map(value)?.image_and_derivative(&point)?;
@@ -417,8 +416,8 @@ impl Curve {
         Ok(jacobian)
     }
 
-    /// The tangent of the curve, of length 1, in the direction of another one. Where it is not known, that
-    /// one.
+    /// Unit tangent of the curve, on the side of `direction`; `direction` itself if the equations are
+    /// singular.
     fn tangent(jacobian: &DMatrix<f64>, direction: &DVector<f64>) -> DVector<f64> {
         let last = direction.len() - 1;
         let mut equations = jacobian.clone().insert_row(last, 0.0);

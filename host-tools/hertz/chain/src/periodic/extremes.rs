@@ -3,7 +3,7 @@
 use super::state::PeriodicState;
 use crate::options::SimulateError;
 
-/// Times in a period at which values are looked at. A sine's greatest value among them is right within 2e-5.
+/// Times in a period at which values are read. The greatest value of a sine is then right within 2e-5.
 const LOOKS: usize = 500;
 
 /// Greatest and least values of a motion in one period.
@@ -19,7 +19,7 @@ pub struct PeriodExtremes {
 }
 
 impl PeriodicState {
-    /// Greatest and least values in a period, of 500 times in it.
+    /// Greatest and least values at 500 times in a period.
     ///
     /// # Errors
     /// [`SimulateError`]: a period cannot be run.

@@ -12,8 +12,8 @@ use crate::tangents::DrivenChain;
 /// Accuracy of each period.
 pub(super) const ACCURACY: Accuracy = Accuracy::REFERENCE;
 
-/// Most beads and intruders together. The derivative of a period is a square of twice as many, and its
-/// eigenvalues take the cube of that.
+/// Most beads and intruders together. The derivative of a period is a square matrix of twice that size, and
+/// the time for its eigenvalues goes as the cube of it.
 const MOST_BODIES: usize = 2000;
 
 /// Refuses a chain whose motions do not repeat, or cannot be found from rest.
@@ -100,13 +100,13 @@ impl PeriodMap {
         point.component_mul(&self.sizes)
     }
 
-    /// Where a period leads.
+    /// The point after a period that begins at this one.
     pub(super) fn image(&self, point: &DVector<f64>) -> Result<DVector<f64>, PeriodicError> {
         let end = self.chain.end(&self.start(point), self.period, ACCURACY)?;
         Ok(end.component_div(&self.sizes))
     }
 
-    /// Where a period leads, and the derivative of that.
+    /// The point after a period that begins at this one, and its derivative.
     pub(super) fn image_and_derivative(
         &self,
         point: &DVector<f64>,
@@ -114,7 +114,7 @@ impl PeriodMap {
         let start = self.start(point);
         let (end, mut derivative) = self.chain.end_and_derivatives(&start, self.period, ACCURACY)?;
         if !derivative.iter().all(|value| value.is_finite()) {
-            // The eigenvalues would never be found.
+            // The search for eigenvalues would never end.
             return Err(SimulateError::Stuck { time: self.period }.into());
         }
         for (mut column, size) in derivative.column_iter_mut().zip(&self.sizes) {

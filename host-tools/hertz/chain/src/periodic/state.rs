@@ -8,10 +8,10 @@ use super::map::{ACCURACY, PeriodMap};
 use crate::run::Run;
 use crate::scenario::{Scenario, Start};
 
-/// Steps of Newton's method at most, and halvings of a step.
+/// Most steps of Newton's method, and most halvings of a step.
 const ITERATIONS: usize = 40;
 const HALVINGS: usize = 8;
-/// Distance between start and end of a period that counts as none, as a part of the motion. A period is
+/// Distance between start and end of a period that counts as zero, as a part of the motion. A period is
 /// integrated to some 1e-12.
 pub(super) const CLOSED: f64 = 1e-10;
 
@@ -43,8 +43,8 @@ pub struct PeriodicState {
 }
 
 impl PeriodicState {
-    /// The motion near the chain at rest, or near what the scenario's `[[start]]` tables say. For a weak
-    /// drive that is the linear response. The drive is a sine of one frequency, whose ramp is left out.
+    /// Finds the motion near the chain at rest, or near the state in the scenario's `[[start]]` tables. For a
+    /// weak drive it is the linear response. The drive is a sine of one frequency, whose ramp is left out.
     ///
     /// # Errors
     /// [`PeriodicError`]: the scenario is out of range or its drive is not periodic, contacts are clipped or
@@ -55,13 +55,13 @@ impl PeriodicState {
         Self::search(map, scenario, point)
     }
 
-    /// The motion of another drive near this one.
+    /// Finds the motion of another drive near this one.
     ///
     /// # Errors
     /// As [`PeriodicState::of`].
     ///
     /// # Panics
-    /// If the scenario has another number of beads or intruders.
+    /// If the scenario has a different number of beads or intruders.
     pub fn near(&self, scenario: &Scenario) -> Result<Self, PeriodicError> {
         let (_, scenario) = PeriodMap::of(scenario)?;
         let map = self.map.with_drive_of(&scenario)?;
@@ -127,14 +127,14 @@ impl PeriodicState {
         self.map.period
     }
 
-    /// Floquet multipliers, the greatest magnitude first: what a small disturbance is multiplied by in a
+    /// Floquet multipliers, the greatest magnitude first: the factors by which small disturbances grow in a
     /// period. There are two for each body that the drive does not move and two for each intruder.
     pub fn multipliers(&self) -> &[Complex64] {
         &self.multipliers
     }
 
-    /// True if no small disturbance grows: no multiplier is outside the unit circle by more than 1e-8, to
-    /// which they are known. Those of a chain without losses are on it.
+    /// True if no small disturbance grows: no multiplier is outside the unit circle by more than 1e-8, the
+    /// error of their magnitudes. The multipliers of a chain without losses are on the circle.
     pub fn is_stable(&self) -> bool {
         self.growing() == 0
     }
@@ -152,8 +152,8 @@ impl PeriodicState {
         self.residual
     }
 
-    /// Displacements and velocities of beads and intruders at the start of a period: a run of
-    /// [`PeriodicState::scenario`] with these in place of its own starts is in this motion.
+    /// Displacements and velocities of beads and intruders at the start of a period. A run of
+    /// [`PeriodicState::scenario`] with these in place of its own starts follows this motion.
     pub fn starts(&self) -> Vec<Start> {
         let mut run = self.run();
         let now = run.snapshot();
@@ -169,7 +169,7 @@ impl PeriodicState {
         (1..now.model().bodies()).map(of_bead).collect()
     }
 
-    /// A run that starts at a period of this motion, at t = 0. Of an unstable motion rounding errors grow.
+    /// A run of this motion from the start of a period, at t = 0. In an unstable motion rounding errors grow.
     pub fn run(&self) -> Run {
         let run = self.map.chain.run(&self.map.start(&self.point), ACCURACY);
         run.expect("Newton's method ran it at this accuracy")
@@ -181,7 +181,7 @@ fn missed_by(point: &DVector<f64>, image: &DVector<f64>) -> f64 {
     (image - point).amax()
 }
 
-/// This distance as a part of the motion.
+/// Distance between start and end of a period, as a part of the motion.
 pub(super) fn missed(point: &DVector<f64>, image: &DVector<f64>) -> f64 {
     missed_by(point, image) / image.amax()
 }

@@ -11,8 +11,8 @@ use super::tables::{Chain, ContactForce, Intruder, Scenario, Section, Striker, W
 /// Most beads of a chain. A longer one would take memory and time that nobody intended.
 pub const MOST_BEADS: usize = 100_000;
 
-/// Absolute values that are computed with, in SI units. No body, contact or time has others, and their
-/// products would leave the range of an `f64`.
+/// Magnitudes that are accepted, in SI units. No body, contact or time has others, and products of others
+/// would leave the range of an `f64`.
 const SIZES: RangeInclusive<f64> = 1e-30..=1e30;
 
 /// Values that a key accepts, with the words that the advice for any other value adds.
@@ -132,11 +132,11 @@ impl Intruder {
 
 impl Scenario {
     /// Tables that a scenario file may hold for the programs around a simulation: the front end and the
-    /// clocks of the beads. They are passed over here.
+    /// clocks of the beads. They are ignored here.
     pub const OTHER_TABLES: [&str; 3] = ["front_end", "clock", "analog_wire"];
 
     /// Reads and checks a scenario; `file` is its name in messages. [`OTHER_TABLES`](Self::OTHER_TABLES) are
-    /// passed over.
+    /// ignored.
     ///
     /// # Errors
     /// [`InputError`] with file, line and key: a value is missing, unknown or out of range.
@@ -324,7 +324,7 @@ impl Scenario {
         Ok(())
     }
 
-    /// Refuses intruders inside of others that are not there.
+    /// Refuses intruders inside intruders that do not exist.
     fn check_inside(&self, at: &TableCheck, index: usize) -> Result<(), InputError> {
         let Intruder { beads, inside, .. } = &self.intruders[index];
         let Some(number) = *inside else { return Ok(()) };
@@ -366,7 +366,7 @@ impl Scenario {
 pub(crate) struct TableCheck(String);
 
 impl TableCheck {
-    /// A table whose keys begin with this.
+    /// A table whose keys begin with `prefix`.
     pub(crate) fn of(prefix: impl Into<String>) -> Self {
         Self(prefix.into())
     }

@@ -30,7 +30,7 @@ pub struct ContactLaw {
     /// speed well above [`ContactLaw::friction_speed`].
     #[serde(default, skip_serializing_if = "is_zero")]
     pub friction: f64,
-    /// Rate v₀ of the overlap, m/s, at which the friction has 76 % of its whole: it goes as tanh(δ'/v₀).
+    /// Rate v₀ of the overlap, m/s, at which the friction has tanh(1) = 76 % of its full value.
     #[serde(default = "slow", skip_serializing_if = "is_slow")]
     pub friction_speed: f64,
 }
@@ -50,8 +50,8 @@ pub enum Damping {
     /// LAMMPS' `hertz/material` with damping `viscoelastic`: η = coefficient · μ √R, p = 1/2, with the
     /// coefficient in 1/(s·m), the reduced mass μ and 1/R = 1/Ra + 1/Rb.
     LammpsMaterial,
-    /// LAMMPS' `tsuji`: η = coefficient · √(μ κ), p = (n - 1)/2, the coefficient a number. It restores the
-    /// same part of the speed at any speed.
+    /// LAMMPS' `tsuji`: η = coefficient · √(μ κ), p = (n - 1)/2, the coefficient a number. The
+    /// restitution is the same at any speed.
     LammpsTsuji,
 }
 
@@ -105,8 +105,8 @@ impl ContactLaw {
         }
     }
 
-    /// This law with a friction of coefficient f, which is tanh(δ'/v₀) of its whole at a rate δ' of the
-    /// overlap; v₀ in m/s.
+    /// This law with a friction of coefficient f, which reaches tanh(δ'/v₀) of its full value at a rate
+    /// δ' of the overlap; v₀ in m/s.
     #[must_use]
     pub fn rubbing(self, friction: f64, friction_speed: f64) -> Self {
         Self {

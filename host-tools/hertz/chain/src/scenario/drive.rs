@@ -97,7 +97,7 @@ impl Drive {
             .map(|from| from.max(self.frequency_end.unwrap_or(from)))
     }
 
-    /// Refuses a sine or chirp that samples at this rate, Hz, would show as a slower one.
+    /// Refuses a sine or chirp that would alias when sampled at this rate, Hz.
     ///
     /// # Errors
     /// [`InputError`]: it has frequencies above half of the rate.

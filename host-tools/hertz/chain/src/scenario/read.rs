@@ -103,7 +103,7 @@ pub fn read_text(path: &Path, wanted: &str) -> Result<String, InputError> {
     String::from_utf8(bytes).map_err(|_| wrong("is no text in UTF-8".to_owned()))
 }
 
-/// A TOML file that tells where each of its keys stands.
+/// A TOML file that knows the position of each of its keys.
 #[derive(Debug, Clone, Copy)]
 pub struct TomlFile<'a> {
     text: &'a str,
@@ -114,18 +114,18 @@ pub struct TomlFile<'a> {
 #[derive(Clone, Copy)]
 enum KeyPart<'a> {
     Name(&'a str),
-    /// Which table of an array, from 1.
+    /// Number of a table in an array, from 1.
     Entry(usize),
 }
 
-/// The bytes of a text that hold a key, and its value; of a table, its head.
+/// Byte ranges of a key and of its value; of a table, the header.
 struct KeySpans {
     name: Range<usize>,
     value: Range<usize>,
 }
 
-/// Shows each key of a table and of the tables in it. No more than one is in memory: a file can have
-/// millions, each as long as all names around it together.
+/// Calls `see` with each key of a table and of the tables in it. Only one key is in memory at a time: a file
+/// can have millions, each as long as all names around it together.
 fn each_key<'a>(
     table: &'a DeTable<'_>,
     parts: &mut Vec<KeyPart<'a>>,
@@ -168,7 +168,7 @@ fn path(parts: &[KeyPart<'_>]) -> String {
     path
 }
 
-/// Length of the part of a key's text that these parts are; `None` if the text begins otherwise.
+/// Length of the part of `key` that these parts spell; `None` if the key begins otherwise.
 fn begins(key: &str, parts: &[KeyPart<'_>]) -> Option<usize> {
     let mut rest = key;
     for part in parts {
@@ -229,8 +229,8 @@ impl<'a> TomlFile<'a> {
         (of(false), of(true))
     }
 
-    /// Reads the whole file. The type should refuse unknown fields (`#[serde(deny_unknown_fields)]`): an
-    /// unknown key is then answered with the known one that is spelt most like it.
+    /// Reads the whole file. The type should refuse unknown fields (`#[serde(deny_unknown_fields)]`): the
+    /// error for an unknown key then suggests the known one with the most similar spelling.
     ///
     /// # Errors
     /// [`InputError`]: a key is missing or unknown, or its value is of the wrong kind.
@@ -253,7 +253,7 @@ impl<'a> TomlFile<'a> {
         })
     }
 
-    /// Adds the file, and the line of the key or, where the file does not have it, of the table that should.
+    /// Adds the file, and the line of the key, or of the table that should have the key if it is missing.
     pub fn locate(&self, error: InputError) -> InputError {
         let (mut most, mut start) = (0, 0);
         self.each_key(|parts, place| {
@@ -273,7 +273,7 @@ impl<'a> TomlFile<'a> {
     }
 }
 
-/// Characters of a name, and of what serde says, that are told at most.
+/// Most characters shown of a name, and of a message of serde.
 const NAME_MOST: usize = 60;
 const MESSAGE_MOST: usize = 400;
 
@@ -281,7 +281,7 @@ fn one_line(message: &str) -> String {
     message.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// Prepares a message for people: it can have a value of the file in it.
+/// Prepares a message for people, which may quote a value of the file.
 fn for_people(message: &str) -> String {
     shortened(&one_line(message), MESSAGE_MOST)
 }
@@ -301,7 +301,7 @@ fn shortened(text: &str, most: usize) -> String {
 pub fn read_table<T: DeserializeOwned>(table: toml::Table) -> Result<T, InputError> {
     table.try_into().map_err(|error: toml::de::Error| {
         let (what, advice) = explain(&one_line(error.message()));
-        // The library shows the key behind the message, and tells it in no other way.
+        // The library reports the key only in the text behind the message.
         let shown = error.to_string();
         let key = shown
             .rsplit_once("\nin `")
@@ -320,7 +320,7 @@ fn explain(message: &str) -> (String, String) {
     (for_people(&plain_words(message)), advice.to_owned())
 }
 
-/// The field and the known ones, from what serde says of an unknown field: it has no other way to tell them.
+/// The unknown field and the known ones, from the message of serde: it offers them in no other way.
 fn unknown_field(message: &str) -> Option<(&str, Vec<&str>)> {
     let (name, known) = message.strip_prefix("unknown field `")?.split_once("`, ")?;
     Some((name, known.split('`').skip(1).step_by(2).collect()))

@@ -74,20 +74,20 @@ pub struct Chain {
     /// weight of all beads above it, and the run begins from that state at rest.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub gravity: f64,
-    /// Time τ in which the ground would slow a bead to 1/e of its speed, s: it pulls at each with M V/τ.
-    /// Without it, nothing does. It does not act on the striker or a driven body, nor on intruders.
+    /// Time τ in which the ground would slow a bead to 1/e of its speed, s, by a force of M V/τ. Without
+    /// it, there is no drag. The drag does not act on the striker or a driven body, nor on intruders.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub drag_time: Option<f64>,
 }
 
-/// Treatment of a total contact force below zero. The viscous term can make one while beads part.
+/// Treatment of a total contact force below zero, which the viscous term can cause while beads part.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ContactForce {
-    /// It is kept, as in the paper's equation: parting beads may pull a little.
+    /// Kept, as in the paper's equation: parting beads may pull a little.
     #[default]
     Printed,
-    /// It is cut off at zero (LAMMPS calls this `limit_damping`).
+    /// Cut off at zero (LAMMPS calls this `limit_damping`).
     Clipped,
 }
 
@@ -185,11 +185,12 @@ pub struct Section {
     pub relaxation: Option<f64>,
 }
 
-/// Beads that do not begin at rest and in touch. A chain without this table does, and only the striker moves.
+/// Beads that do not begin at rest and in touch. In a chain without this table all beads do, and only the
+/// striker moves.
 ///
-/// It makes strikers of beads: the first beads with a velocity like the striker's are struck by nobody and
-/// hit the rest together with it, and a last bead with a velocity below zero hits the chain from behind. An
-/// intruder begins at rest in its host and moves with it, unless this table tells otherwise.
+/// Beads can act as strikers: the first beads, at the striker's velocity, hit the rest together with it, and
+/// a last bead with a velocity below zero hits the chain from behind. An intruder begins at rest in its host
+/// and moves with it, unless this table says otherwise.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[non_exhaustive]
@@ -384,7 +385,7 @@ impl Intruder {
     }
 }
 
-/// A body as sections leave it.
+/// A body after the sections have been applied.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Sphere {
     pub(crate) radius: f64,

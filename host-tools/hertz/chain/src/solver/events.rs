@@ -5,9 +5,8 @@
 //!
 //! Forces that are held in one state are smooth, whatever they do where bodies meet: a dashpot's jumps there.
 //! A step that passes such a place is made again up to it, which the dense output finds, and once or twice
-//! more until the overlap vanishes to rounding. A contact that only touches at the start of a step is closed,
-//! unless it parts; if the step shows that it was taken for the wrong one, the step is made again with the
-//! other.
+//! more until the overlap vanishes to rounding. A contact that only touches at the start of a step counts as
+//! closed unless it parts. If the step shows that this was wrong, it is made again with the other state.
 
 use super::kernel::{Task, dispatch};
 use super::lanes::{BLOCK, Lanes};

@@ -1,6 +1,6 @@
 //! One coordinate inside one step: the overlap of a contact, or the displacement of an intruder.
 //!
-//! It costs a few sums, where dense output costs as many for each body, and it outlives its step.
+//! A glimpse costs a few sums, where dense output costs as many for each body, and it outlives its step.
 
 use super::crossing::Crossing;
 use super::lanes::Lanes;

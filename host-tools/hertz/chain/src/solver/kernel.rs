@@ -173,7 +173,7 @@ fn step<S: Simd<f64s = f64x8>, const GENERAL: bool, const POWERS_TOO: bool>(
     finish(simd, work, lanes, length)
 }
 
-/// Stages with a weight in the displacements of a row alone.
+/// Stages with a weight only in the displacements of a row.
 const BENDS: [Range<usize>; STAGES] = terms(true);
 /// Stages after the first with a weight in a row's velocities.
 const WEIGHS: [Range<usize>; STAGES] = terms(false);
@@ -487,8 +487,8 @@ fn drive_stage<S: Simd<f64s = f64x8>, const POWERS_TOO: bool>(
     }
 }
 
-/// Adds the pulls of all intruders in a block of bodies to the forces on these. That of a carrier is less
-/// what it carries pulls at it, so the sum is the pull of those that the bodies carry themselves.
+/// Adds the pulls of all intruders in a block of bodies to the forces on these. The pull of a carrier is less
+/// the pulls of what it carries, so the sum is the pull of those that the bodies carry themselves.
 #[inline(always)]
 fn pulled<S: Simd<f64s = f64x8>>(
     simd: S,
@@ -507,7 +507,7 @@ fn pulled<S: Simd<f64s = f64x8>>(
 }
 
 /// Subtracts the pull of each carried intruder in a moving body from that of its carrier. A carrier comes
-/// before what it carries, so its own carrier has its whole pull by then.
+/// before what it carries, so each pull is still whole when it is subtracted.
 #[inline(always)]
 fn pull_carriers(guests: &Guests, active: &[Range<usize>], pulls: &mut [LaneBlock]) {
     for (guest, carrier) in guests.carried_in(active) {

@@ -179,7 +179,7 @@ impl<const P: usize> DualChain<P> {
     /// The chain of a scenario with this model. A drive has no derivatives.
     ///
     /// # Errors
-    /// Contact forces are clipped, or those of another law than Hertz'.
+    /// Contact forces are clipped, or follow another law than Hertz'.
     pub(super) fn of(
         model: &Model,
         scenario: &Scenario,
@@ -207,7 +207,7 @@ impl<const P: usize> DualChain<P> {
         let mut shells: Vec<Dual<P>> = (0..model.bodies())
             .map(|body| {
                 if body == 0 && model.is_prescribed() {
-                    // Its motion depends on nothing.
+                    // The motion of a driven body does not depend on its mass.
                     return Dual::default();
                 }
                 let mut mass = Dual::constant(model.mass(body));

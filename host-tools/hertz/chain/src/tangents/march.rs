@@ -4,7 +4,7 @@
 //! The steps are equal because samples are, and because a step that depended on the motion would have a
 //! derivative of its own. Bodies that no wave has reached are left out. The loop is compiled for the widest
 //! vectors of the processor too, and its derivatives side by side fill them; results have the same bits
-//! everywhere, since nothing is added in another order.
+//! everywhere, since the order of additions never changes.
 
 use pulp::{Arch, NullaryFnOnce};
 
@@ -322,7 +322,7 @@ impl<const P: usize> NullaryFnOnce for MarchCall<'_, P> {
     }
 }
 
-/// The number of the intruder that a sensor is.
+/// Number of the intruder whose acceleration a sensor measures.
 #[inline(always)]
 fn sensor_intruder<const P: usize>(chain: &DualChain<P>, sensor: &Sensor) -> Option<usize> {
     let SensorPlace::Acceleration(bead) = sensor.place else {

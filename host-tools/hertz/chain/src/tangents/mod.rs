@@ -43,8 +43,8 @@ impl<const P: usize> SignalTangents<P> {
         (value, slope.value / self.step)
     }
 
-    /// Multiplies the derivatives in each direction by a factor: by the parameter's value, they are those by
-    /// its logarithm.
+    /// Multiplies the derivatives in each direction by a factor. With the parameter's value as factor, they
+    /// become derivatives with respect to its logarithm.
     pub fn scale(&mut self, factors: [f64; P]) {
         for signal in self.signals.iter_mut().flatten() {
             for (by, factor) in signal.by.iter_mut().zip(factors) {
@@ -71,11 +71,11 @@ impl<const P: usize> SignalTangents<P> {
 }
 
 /// Simulates a scenario for `duration` s in steps of `step` s, with the derivatives of each sensor's signal
-/// with respect to up to P parameters. A scenario's own duration has no part in it. With a `push` the bodies
+/// with respect to up to P parameters. The scenario's own duration is not used. With a `push` the bodies
 /// before its bead are left out.
 ///
-/// A step of 2.5 µs is right within 1e-5 of the peak for the paper's chain; stiffer or smaller spheres take
-/// shorter ones, as their time of contact does.
+/// For the paper's chain, a step of 2.5 µs is right within 1e-5 of the peak. Stiffer or smaller spheres need
+/// shorter steps, as their time of contact is shorter.
 ///
 /// # Errors
 /// [`InputError`]: a value of the scenario is out of range, contact forces are clipped, more than P

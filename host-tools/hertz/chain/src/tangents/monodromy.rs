@@ -1,4 +1,4 @@
-//! The motion of a driven chain over a time, with its derivatives by its start.
+//! The motion of a driven chain over a time, with its derivatives with respect to the start.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -19,8 +19,8 @@ const DIRECTIONS: usize = 8;
 
 /// A chain whose motion may start anywhere. Its coordinates are those in which the motion depends smoothly on
 /// its start: displacements, m, and momenta w, kg·m/s ([`DualChain`]), of the bodies that the drive does not
-/// prescribe, then displacements, m, and velocities, m/s, of the intruders, in the order of their beads.
-/// Nothing in it is relative to a host.
+/// prescribe, then displacements, m, and velocities, m/s, of the intruders, in the order of their beads. No
+/// coordinate is relative to a host.
 #[derive(Debug, Clone)]
 pub(crate) struct DrivenChain {
     pub(crate) model: Arc<Model>,
@@ -133,8 +133,8 @@ impl DrivenChain {
         Ok(self.coordinates(&run.snapshot().state))
     }
 
-    /// The coordinates after `span`, s, and their derivatives by those of the start: a row for each at the
-    /// end, a column for each at the start.
+    /// The coordinates after `span`, s, and their derivatives with respect to those at the start: a row for
+    /// each at the end, a column for each at the start.
     pub(crate) fn end_and_derivatives(
         &self,
         start: &DVector<f64>,

@@ -28,7 +28,7 @@ pub enum Parameter {
 }
 
 impl Parameter {
-    /// Its value in a scenario, in its own unit; `None` for one of a table that the scenario lacks.
+    /// Value of the parameter in a scenario, in its own unit; `None` if the scenario lacks its table.
     pub fn value(self, scenario: &Scenario) -> Option<f64> {
         let intruder = |table: usize| scenario.intruders.get(table);
         Some(match self {

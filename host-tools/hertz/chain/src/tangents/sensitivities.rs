@@ -1,4 +1,4 @@
-//! Results of a run with their derivatives by parameters of the scenario.
+//! Results of a run with their derivatives with respect to parameters of the scenario.
 
 use std::time::Instant;
 
@@ -13,8 +13,7 @@ use crate::scenario::{InputError, Scenario};
 use crate::summariser::Summariser;
 use crate::summary::Summary;
 
-/// The results of a run, each with its derivatives by P parameters: in SI units, of the result by the
-/// parameter.
+/// The results of a run, each with its derivatives with respect to P parameters, in SI units.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Sensitivities<const P: usize> {
@@ -37,7 +36,7 @@ pub struct Sensitivities<const P: usize> {
     pub dissipated_contacts: Dual<P>,
 }
 
-/// Runs a scenario and returns its results with their derivatives by up to P parameters.
+/// Runs a scenario and returns its results with their derivatives with respect to up to P parameters.
 ///
 /// A greatest force has the derivative of the force at the time of its maximum. One that still rises at the
 /// end of the run has that of the force at the end. Where two maxima of a contact are equally high, the
@@ -135,7 +134,7 @@ struct Energies<const P: usize> {
 }
 
 impl<const P: usize> Energies<P> {
-    /// At the motion of the last evaluation.
+    /// Energies at the motion of the last evaluation.
     fn of(march: &March<'_, P>) -> Self {
         let (chain, layout) = (march.chain, march.layout);
         let kinetic = |mass: Dual<P>, velocity: Dual<P>| mass * velocity * velocity * 0.5;

@@ -17,20 +17,20 @@ pub struct Sensor {
     /// Frequency of the pole, Hz; 0 for none.
     pub pole: f64,
     /// Mass of the bead behind a contact that is in front of the sensor's crystal, kg: the sensor shows the
-    /// force less what accelerates this mass. It counts behind a pole alone.
+    /// force less what accelerates this mass. Used only with a pole.
     pub front_mass: f64,
 }
 
-/// A measured force in place of what is in front of a bead: the chain begins with this bead, at rest.
+/// A measured force in place of the bodies before a bead: the chain begins with this bead, at rest.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Push {
     /// The bead.
     pub bead: usize,
     /// Time of the first value, s.
     pub start: f64,
-    /// Values a second.
+    /// Values per second.
     pub rate: f64,
-    /// Force on the bead, N. Before the first and after the last value it is 0; between values a cubic.
+    /// Force on the bead, N. Before the first and after the last value it is 0; a cubic joins the values.
     pub force: Vec<f64>,
 }
 
@@ -41,8 +41,8 @@ impl Push {
     }
 }
 
-/// The cubic through four values around a place in a row of equidistant values, and its slope; `outside` in
-/// place of values that are not there.
+/// The cubic through four values around a place in a row of equidistant values, and its slope; `outside`
+/// replaces values beyond the ends.
 pub(super) fn cubic<T>(values: &[T], at: f64, outside: T) -> (T, T)
 where
     T: Copy + std::ops::Add<Output = T> + std::ops::Mul<f64, Output = T>,

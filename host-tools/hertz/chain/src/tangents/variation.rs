@@ -28,7 +28,7 @@ struct Piece {
     end: f64,
     /// Time at which a contact closed, at or before the start, or will open, at or after the end.
     root: Option<f64>,
-    /// Times that it may still be halved, and the error of the piece that it is a half of.
+    /// Number of halvings still allowed, and the error of the piece that this one is a half of.
     halvings: u32,
     before: f64,
 }
@@ -56,7 +56,7 @@ impl Piece {
         (root + away * here * here, away * 2.0 * (last - first) * here)
     }
 
-    /// Its second half and its first; `before` is its error.
+    /// Second and first half of the piece; `before` is the error of the piece.
     fn halves(self, before: f64) -> [Self; 2] {
         let middle = self.time(0.5).0;
         let halvings = self.halvings - 1;
@@ -87,7 +87,7 @@ const FAR: f64 = 0.5;
 /// Error over that of the whole piece, above which another division gains too little. At a root halving gains
 /// a factor of 2.8.
 const HELPS: f64 = 0.4;
-/// Most times that a piece is halved: the motion inside a step is itself known to some 1e-9 alone.
+/// Most times that a piece is halved: the motion inside a step is itself known only to some 1e-9.
 const HALVINGS: u32 = 2;
 
 /// A time at which the overlap of a contact is zero.
@@ -121,7 +121,7 @@ pub(super) struct Variation<'a, const P: usize> {
 }
 
 impl<'a, const P: usize> Variation<'a, P> {
-    /// `parameters` has the value of each, by which its derivatives are compared with what they are of.
+    /// `parameters` has the value of each parameter, which sets the scale of its derivatives.
     pub(super) fn new(chain: &'a DualChain<P>, parameters: [f64; P]) -> Self {
         let march = March::new(chain, &[], None, 0.0);
         let mut state: Vec<_> = march.state.iter().map(|value| value.by).collect();
@@ -139,8 +139,8 @@ impl<'a, const P: usize> Variation<'a, P> {
         }
     }
 
-    /// Begins with the derivatives by the values of the state at these places, one for each direction. All
-    /// bodies move.
+    /// Begins with the derivatives with respect to the values of the state at these places, one for each
+    /// direction. All bodies move.
     pub(super) fn start_at(&mut self, places: &[usize]) {
         self.march.front = self.march.chain.bodies() - 1;
         self.state.fill([0.0; P]);
@@ -180,7 +180,7 @@ impl<'a, const P: usize> Variation<'a, P> {
         self.state[self.march.layout.length() + intruder]
     }
 
-    /// Follows a step from its start to a time of it. The last evaluation is at its end.
+    /// Follows a step from its start to a time within it. The last evaluation is at its end.
     fn follow_to(&mut self, step: &mut RunStep<'_>, to: f64) {
         let from = step.from();
         let crossings = self.crossings(step, to);
@@ -292,8 +292,8 @@ impl<'a, const P: usize> Variation<'a, P> {
         }
     }
 
-    /// Estimated error of a piece, with the rate of the time at its end, as a part of what is greatest so far
-    /// of each kind: of the derivatives by a parameter, or of the values over that parameter.
+    /// Estimated error of a piece, with the rate of the time at its end, as a part of the greatest so far of
+    /// each kind: derivatives by a parameter, or values over that parameter.
     fn error(&mut self, last: f64) -> f64 {
         let layout = self.march.layout;
         let ends = [
@@ -318,7 +318,7 @@ impl<'a, const P: usize> Variation<'a, P> {
                 }
             }
             for ((off, greatest), parameter) in off.iter().zip(greatest).zip(self.parameters) {
-                // A parameter that is 0 has derivatives alone.
+                // A parameter that is 0 sets no scale; only the derivatives do.
                 let size = if parameter == 0.0 {
                     0.0
                 } else {

@@ -92,7 +92,7 @@ fn tsuji_restores_the_same_part_of_every_speed() {
     }
 }
 
-/// Holds the velocities of seven beads under a law, of which the first came at 0.45 m/s, against others.
+/// Compares the velocities of seven beads under a law, the first of which came at 0.45 m/s, with others.
 fn ends_with(law: ContactLaw, time: f64, velocities: &str, tolerance: f64) {
     let solution = run(&changed(struck_by_a_bead(6, time), |scenario| {
         scenario.contact = Some(law.clone());
@@ -106,7 +106,7 @@ fn ends_with(law: ContactLaw, time: f64, velocities: &str, tolerance: f64) {
 }
 
 /// Velocities of seven beads, the first at 0.45 m/s, after 1.5 ms, by LAMMPS (22 July 2025, pair style
-/// granular) in steps of 1 ns. Four times as long steps change them by up to 8.2e-7 of 0.45 m/s. `tsuji` was
+/// granular) in steps of 1 ns. Steps four times as long change them by up to 8.2e-7 of 0.45 m/s. `tsuji` was
 /// given a restitution of 0.8, from which LAMMPS makes its coefficient.
 #[test]
 fn dampings_are_those_of_lammps() {
@@ -175,7 +175,7 @@ fn hertz_law_said_in_full_has_the_bits_of_none() {
     });
     let [plain, said] = [plain, said].map(|scenario| run(&scenario).summary());
     assert_eq!((plain.peak_force, plain.energy), (said.peak_force, said.energy));
-    // Exponents so near to Hertz' that the motion is, but integrated as powers are.
+    // Exponents so near to Hertz' that the motion is the same, but the solver for other powers computes it.
     let near_hertz = |exponent: f64| {
         let mut scenario = elastic(12, 2e-3);
         let stiffness = Model::of(&scenario).unwrap().contact(2).stiffness;

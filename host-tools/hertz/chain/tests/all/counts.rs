@@ -2,7 +2,7 @@
 //!
 //! Valgrind shows every program the same processor, with vectors of 256 bits. The counts belong to the
 //! compiler that `rust-toolchain.toml` names; a new one may change them. `COUNTS=overwrite cargo test
-//! --release -p hertz-chain counts` writes them anew, and the change of `data/instructions.txt` belongs into
+//! --release -p hertz-chain counts` writes them anew, and the change of `data/instructions.txt` belongs in
 //! the commit that causes it.
 
 use std::fmt::Write;
@@ -112,7 +112,7 @@ fn counts() -> Option<Vec<u64>> {
         .args(CASES.map(|(name, _)| format!("--dump-after=all::counts::{name}")))
         .arg(std::env::current_exe().expect("this program has a name"))
         .args("--exact counts::runs_that_are_counted --ignored --test-threads=1".split(' '))
-        // All in the thread that is watched.
+        // All work runs in the thread that is watched.
         .env("RAYON_NUM_THREADS", "1")
         .output();
     let printed = found.ok()?.stderr;

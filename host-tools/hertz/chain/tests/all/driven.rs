@@ -24,7 +24,7 @@ fn driven(drive: Drive) -> Scenario {
 }
 
 /// Velocities of the beads after 4 ms by SciPy's DOP853 at a relative tolerance of 1e-13 and steps of up to 1
-/// µs, over equations of its own in whole overlaps. Twice as long steps change them by up to 1.5e-10.
+/// µs, over equations of its own in whole overlaps. Steps twice as long change them by up to 1.5e-10.
 #[test]
 fn driven_chains_move_as_an_independent_program_says() {
     use DriveQuantity::{Displacement, Force};

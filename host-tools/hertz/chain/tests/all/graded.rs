@@ -6,7 +6,7 @@ use hertz_chain::Material;
 /// Job, Melo, Sokolow and Sen, Granular Matter 10, 13 (2007): a wave that meets beads of half the radius goes
 /// on as a train whose amplitudes fall by a constant ratio. A particle that hits lighter ones of an eighth of
 /// its mass would keep 7/9 of its speed each time, and forces would fall as (7/9)^(6/5) = 0.74. The
-/// integration has 0.62 to 0.66.
+/// integration finds 0.62 to 0.66.
 #[test]
 fn a_wave_that_steps_down_in_radius_becomes_a_train() {
     let mut scenario = struck_by_a_bead(60, 0.0076);

@@ -27,7 +27,7 @@ fn harder() -> Vec<(&'static str, Scenario)> {
     cases
 }
 
-/// Greatest difference of the energy that passes some contacts and the gain after them, over the striker's.
+/// Greatest difference between the energy that passes some contacts and the gain behind, over the striker's.
 fn unaccounted(solution: &Solution, contacts: &[usize], times: &[f64]) -> f64 {
     let (model, mut worst) = (solution.model(), 0.0_f64);
     let flows: Vec<_> = (1..=model.contacts())
@@ -136,7 +136,7 @@ fn the_walls_stiffness_is_hertz() {
         scenario.wall = Some(wall);
         let wall = run(&scenario).model().contact(4);
         close(wall.stiffness * theta * f64::sqrt(curvature), 1.0, 1e-15);
-        // The beads are elastic, so the wall gives its part of the overlap.
+        // The beads are elastic, so only the wall's part of the overlap is viscous.
         near(wall.relaxation, 3e-6 * far / theta, 1e-15);
     }
     // Without one of its own, the contact has the last bead's relaxation time.

@@ -102,7 +102,7 @@ fn sizes(beads: impl IntoIterator<Item = usize>) -> Sizes {
     }
 }
 
-/// Beside intruders of next to nothing.
+/// The intruders weigh next to nothing and do not count.
 #[test]
 fn the_best_size_of_a_bead_is_that_of_a_scan() {
     let mut search = search(&[2], 1.01e-9);
@@ -391,7 +391,7 @@ fn a_loss_factor_ties_the_damping_of_every_intruder() {
             .map(|one| one.damping / (one.stiffness * one.mass).sqrt());
         factors.collect::<Vec<_>>()
     };
-    // With the free optimum's own, they come as near as factors that differ allow.
+    // With the loss factor of the free optimum, the result is nearly as good: hosts differ in their factors.
     tied.loss_factor = Some(factor(&free)[0]);
     let found = best(&tied);
     for factor in factor(&found) {

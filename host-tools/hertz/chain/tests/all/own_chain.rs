@@ -1,4 +1,4 @@
-//! The scenario of docs/how-to.md, "Your own chain": what the page says of it is so.
+//! Checks what docs/how-to.md, "Your own chain", says of its scenario.
 
 use hertz_chain::{Scenario, simulate};
 

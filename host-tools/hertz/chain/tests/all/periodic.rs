@@ -1,4 +1,4 @@
-//! Motions that repeat with their drive, held against another program, perturbed runs and long runs.
+//! Motions that repeat with their drive, compared with another program, perturbed runs and long runs.
 
 use std::f64::consts::TAU;
 use std::ops::ControlFlow;
@@ -57,7 +57,7 @@ fn a_driven_trimer_repeats_as_another_program_says() {
     }
 }
 
-/// Displacement and velocity of each bead, and of the intruder in bead 2, after a period that starts with one
+/// Displacement and velocity of each bead, and of the intruder in bead 2, after a period whose start has one
 /// of these moved by `off`, m. Velocities are in units of displacements.
 fn perturbed(state: &PeriodicState, direction: usize, off: f64) -> Vec<f64> {
     let (rate, mut scenario) = (TAU / state.period(), state.scenario().clone());
@@ -100,7 +100,7 @@ fn perturbed(state: &PeriodicState, direction: usize, off: f64) -> Vec<f64> {
         .collect()
 }
 
-/// Holds the multipliers against those of central differences of perturbed runs.
+/// Compares the multipliers with those of central differences of perturbed runs.
 fn multipliers_are_those_of_runs(state: &PeriodicState) {
     let off = 1e-11;
     let count = 2 * state.scenario().chain.beads + 2;

@@ -326,7 +326,7 @@ fn an_intruder_of_wrong_units_is_refused_with_the_time_it_would_take() {
         says(&error.to_string(), "", "mass in kg");
         assert_eq!(summarise(&scenario, &Options::default()), Err(error));
     }
-    // A stiff one is slow, and no mistake.
+    // A stiff intruder is slow, but no mistake.
     let mut scenario = sound();
     scenario.duration = 1e-6;
     scenario.intruders[0].stiffness = 1e9;

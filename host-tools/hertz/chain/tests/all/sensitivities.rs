@@ -33,8 +33,8 @@ fn derived<const P: usize>(scenario: &Scenario, parameters: &[Parameter]) -> Sen
     sensitivities(scenario, parameters, &Options::default()).expect("it can be run")
 }
 
-/// A chain of 3 to 12 beads with one or two intruders alike, of which one bead may be of another size, with
-/// a wall or a free end, with or without a load.
+/// A chain of 3 to 12 beads with one or two equal intruders. One bead may be of another size; there is a wall
+/// or a free end, with or without a load.
 fn drawn(draw: &mut Draw) -> Scenario {
     let mut scenario = Scenario::paper();
     let beads = draw.between(3.0, 13.0) as usize;

@@ -99,7 +99,7 @@ fn an_intruder_that_is_let_go_moves_as_duffings_oscillator() {
 }
 
 /// Printed by `python tests/springs_by_scipy.py` (SciPy 1.17.1): DOP853 at a relative tolerance of 1e-13, in
-/// steps of up to 0.1 µs. Half as long steps change the velocities by up to 2e-11 of the striker's.
+/// steps of up to 0.1 µs. Steps half as long change the velocities by up to 2e-11 of the striker's.
 ///
 /// Of each strike on two beads, the velocities of the bodies. Below, of each intruder: its bead, m, k, k₃, c,
 /// and the number of its carrier or 0; then x, x' and the energy that it has dissipated.

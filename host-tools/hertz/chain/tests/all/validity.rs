@@ -1,4 +1,4 @@
-//! Where the model's contacts are not what bodies do.
+//! Contacts beyond the limits of the model.
 
 use crate::common::{changed, elastic, near, run, says};
 use hertz_chain::{ContactLaw, Damping, Scenario, Validity};
@@ -11,7 +11,7 @@ fn of(scenario: &Scenario) -> Vec<Validity> {
 #[test]
 fn the_papers_strike_is_elastic_and_one_of_twice_its_speed_is_not() {
     let contacts = of(&Scenario::paper());
-    // As `docs/hardware.md` has it. Without viscosity the force is greater, and it is 253 MPa.
+    // As in `docs/hardware.md`. Without viscosity the force is greater, and the pressure is 253 MPa.
     near(contacts[0].pressure, 245e6, 2e-3);
     near(of(&elastic(16, 0.006))[0].pressure, 253e6, 5e-3);
     for contact in &contacts {

@@ -82,8 +82,7 @@ pub(super) fn follow(
 }
 
 impl BranchMotion {
-    /// The columns of a table of the branch with this motion's cells. `name` is that of the parameter's
-    /// column.
+    /// The columns of a table of the branch, with this motion's cells. `name` names the parameter's column.
     fn row(&self, name: &str, parameter: DriveParameter) -> Vec<(Column, Cell)> {
         let motion = &self.motion;
         let number = |name: String, value: f64| (Column::new(name, CellKind::Number), Cell::Number(value));
@@ -125,7 +124,7 @@ impl BranchReport {
         format!("{} ({})", self.parameter, self.unit)
     }
 
-    /// Ends and bifurcations.
+    /// The table of the ends and the bifurcations.
     pub(super) fn table(&self) -> String {
         let last = self.points.len() - 1;
         let shown = self.points.iter().enumerate();

@@ -31,7 +31,7 @@ pub(super) const LOADS: [(f64, [f64; 3]); 3] = [
 ];
 /// The bead that is kicked. No mode has a node there.
 const KICKED: usize = 71;
-/// Its velocity, m/s: so small that the waves are linear.
+/// Velocity of the kicked bead, m/s: so small that the waves are linear.
 const KICK: f64 = 1e-6;
 /// The modes that are looked at: the first and the last, whose branches end at the edges, and some between.
 const MODES: [usize; 14] = [1, 10, 20, 35, 50, 65, 80, 100, 120, 140, 160, 180, 190, BEADS - 1];
@@ -61,8 +61,8 @@ fn wave_number(mode: usize) -> f64 {
     PI * mode as f64 / BEADS as f64
 }
 
-/// A mode that was seen: wave number, and frequencies of the two branches, Hz. The acoustic one is none if it
-/// is too slow.
+/// A mode that was seen: wave number, and frequencies of the two branches, Hz. The acoustic one is `None`
+/// if it is too slow.
 struct SeenMode {
     wave_number: f64,
     acoustic: Option<f64>,
@@ -88,7 +88,7 @@ fn ring(scenario: &Scenario, bands: &Bands) -> Result<(Vec<SeenMode>, f64), Erro
             signal.push(velocities.iter().enumerate().map(shape).sum());
         }
     }
-    // Between the bands, and beyond half of what is sampled nothing is.
+    // No mode is between the bands, or above half the sampling rate.
     let gap = 0.5 * (bands.acoustic_top + bands.gap_end.unwrap_or(f64::NAN));
     let seen = MODES.iter().zip(signals).map(|(&mode, signal)| {
         let spectrum = tone_spectrum(signal);

@@ -22,7 +22,8 @@ plans! {
         => transfer,
 }
 
-/// One speed, with the closed forms and what the simulation gives: time of contact, s, and highest force, N.
+/// One speed, with the closed forms and the results of the simulation: time of contact, s, and highest
+/// force, N.
 struct Met {
     collision: Collision,
     time: f64,

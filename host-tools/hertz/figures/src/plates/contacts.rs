@@ -31,7 +31,7 @@ fn law(exponent: f64) -> PowerLaw {
     PowerLaw::new(exponent, HERTZ * DEPTH.powf(1.5 - exponent))
 }
 
-/// A row of equal beads that the first strikes.
+/// A row of equal beads, struck by the first.
 fn scenario(beads: usize, exponent: f64, speed: f64, duration: f64) -> Scenario {
     let mut scenario = strike(beads, ELASTIC, duration);
     scenario.striker = Striker::new(scenario.chain.radius, scenario.chain.material(), speed);
@@ -83,8 +83,8 @@ fn long_wave(exponent: f64, distance: f64) -> f64 {
     phase.cos().powf(2.0 / (exponent - 1.0))
 }
 
-/// The wave's width between its zeros, beads, as its width at a tenth of the peak overlap tells it, and its
-/// shape.
+/// The wave's width between its zeros, beads, computed from its width at a tenth of the peak overlap, and
+/// its shape.
 fn wave(run: &FigureRun, exponent: f64) -> Result<(f64, Vec<(f64, f64)>), Error> {
     let peak = |contact: usize| {
         let found = run.summary.peak_force.iter().find(|peak| peak.contact == contact);

@@ -29,7 +29,7 @@ const AMPLITUDE: f64 = 1e-10;
 const DURATION: f64 = 0.7;
 const INTERVAL: f64 = 1e-4;
 const SWEEP: f64 = 0.15;
-/// Rate at which later samples count less, 1/s. It stands for a loss, which lets the ringing die.
+/// Rate at which the weight of later samples decays, 1/s. It acts as a loss, which lets the ringing die.
 const FADING: f64 = 6.0;
 /// Frequencies looked at, Hz: from, to and step.
 const FREQUENCIES: (f64, f64, f64) = (500.0, 3200.0, 0.5);
@@ -84,8 +84,8 @@ fn shake(scenario: &Scenario) -> Result<(Vec<(f64, f64)>, f64), Error> {
     Ok((transmission.collect(), worst / greatest))
 }
 
-/// Edges of what passes, Hz: the highest frequency below a frequency in the gap, the lowest above it, and the
-/// highest of all.
+/// Edges of the pass bands, Hz: the highest frequency that passes below a frequency in the gap, the lowest
+/// above it, and the highest of all.
 fn edges(transmission: &[(f64, f64)], gap: f64) -> [f64; 3] {
     let passes = || {
         transmission

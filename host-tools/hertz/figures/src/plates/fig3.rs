@@ -42,7 +42,7 @@ fn run(lab: &Lab, stiffness: f64) -> Result<Arc<FigureRun>, Error> {
     lab.run(&with(strike(38, ELASTIC, DURATION), intruder))
 }
 
-/// How far the intruder runs ahead of its host, m.
+/// Lead of the intruder over its host, m.
 fn overshoot(run: &FigureRun) -> f64 {
     let ahead = |at: &Snapshot<'_>| at.intruder_displacement(HOST).unwrap_or(f64::NAN);
     greatest(&over_time(&run.solution, 0.0..DURATION, ahead))
@@ -145,7 +145,7 @@ fn responses(lab: &Lab) -> Result<Figure, Error> {
     }
     let resonance = (STIFFNESSES[1] / MASS).sqrt() / TAU;
     let checks = checks![
-        // By an integration of another kind (symplectic, fourth order, equal steps).
+        // Values of another integrator (symplectic, fourth order, equal steps).
         "pulse down by 3 dB at", "Hz": half => close(909.390, 2e-5), paper "some 900 Hz";
         "resonance at k = 10⁵, of that frequency": resonance / half => at_most(1.0);
     ];

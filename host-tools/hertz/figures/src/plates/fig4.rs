@@ -51,7 +51,7 @@ pub(crate) fn force_panels(runs: &[(String, Arc<FigureRun>)]) -> Chart {
     };
     let label = |contact: usize| format!("force at {contact} (N)");
     let whole = |contact: usize| Panel::new(label(contact), curves(contact)).height(150);
-    // `from`, ms: the main wave has passed the contact.
+    // The main wave has passed the contact at `from`, ms.
     let magnified = |contact: usize, from: f64| {
         let mut curves = curves(contact);
         let later = |series: &Series| greatest_within(&series.points, from..f64::INFINITY);
@@ -83,7 +83,7 @@ fn forces(lab: &Lab) -> Result<Figure, Error> {
     Ok(Figure::new(force_panels(&runs), checks))
 }
 
-/// How the incident wave is shared out for each of these intruders in the host.
+/// The split of the incident wave for each of these intruders in the host.
 pub(crate) fn splits(lab: &Lab, intruders: &[Intruder]) -> Result<Vec<Split>, Error> {
     intruders
         .par_iter()

@@ -130,7 +130,7 @@ fn modulus_time(runs: &[Arc<FigureRun>]) -> Vec<FigureCheck> {
     let [soft, stiff] = [0, 3].map(|n| Collision::of_striker(runs[n].solution.model()).duration());
     let eq9 = soft / stiff;
     checks![
-        // By eq. (9) it goes as κ^(-2/5), for a bead that the chain does not hold.
+        // By eq. (9) the contact time of a free bead is proportional to κ^(-2/5).
         "contact time, softest over stiffest": factor => close(eq9, 0.01), paper "a factor 3";
         "highest force of the stiffest", "N": peak(&runs[3], 1) => close(37.460_897, 1e-5);
         "highest force of the softest", "N": peak(&runs[0], 1) => close(10.208_246, 1e-5);
@@ -149,8 +149,8 @@ fn speed_time(runs: &[Arc<FigureRun>]) -> Vec<FigureCheck> {
 fn size_time(runs: &[Arc<FigureRun>]) -> Vec<FigureCheck> {
     let times: Vec<f64> = runs.iter().map(|run| contact_time(run)).collect();
     checks![
-        // By an integration of another kind (symplectic, fourth order, equal steps). The largest striker
-        // stays with bead 1 until the wave is back from the far end.
+        // Values of another integrator (symplectic, fourth order, equal steps). The largest striker stays
+        // with bead 1 until the wave is back from the far end.
         "contact time, 4.5 mm", "µs": 1e6 * times[0] => close(127.08, 1e-4);
         "contact time, least growth from size to size": least_growth(&times) => close(1.5085, 2e-4);
         "contact time, 19 mm over 4.5 mm": times[3] / times[0] => close(78.974, 2e-4);
@@ -201,7 +201,7 @@ fn frequencies(runs: &[Arc<FigureRun>]) -> Vec<f64> {
 fn modulus_spectrum(runs: &[Arc<FigureRun>]) -> Vec<FigureCheck> {
     let frequencies = frequencies(runs);
     checks![
-        // Both by an integration of another kind.
+        // Both values are of another integrator.
         "-3 dB frequency, stiffest striker", "Hz": frequencies[3] => close(902.541, 2e-5), paper "some 900 Hz";
         "greatest over least, three decades of modulus": ratio(frequencies) => close(1.007_675, 1e-5);
     ]

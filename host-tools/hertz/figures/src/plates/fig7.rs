@@ -1,5 +1,5 @@
-//! Figure 7: how much of its energy a striker lighter than, as heavy as, and heavier than a bead leaves in
-//! the chain.
+//! Figure 7: the part of its energy that a striker lighter than, as heavy as, or heavier than a bead leaves
+//! in the chain.
 
 use std::sync::Arc;
 

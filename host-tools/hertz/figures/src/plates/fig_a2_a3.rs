@@ -202,7 +202,7 @@ fn strongest(run: &FigureRun, contact: usize) -> Option<hertz_chain::Pulse> {
     pulses.into_iter().max_by(|a, b| a.force.total_cmp(&b.force))
 }
 
-/// When the pulse after `time` begins at a contact.
+/// Start of the next pulse at a contact after `time`; the end of the run without one.
 fn next(run: &FigureRun, contact: usize, time: f64) -> f64 {
     let pulses = run.solution.pulses(contact, &PulseSearch::default());
     let after = pulses.iter().map(|pulse| pulse.from).find(|&from| from > time);

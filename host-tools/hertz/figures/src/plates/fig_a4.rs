@@ -19,7 +19,7 @@ use hertz_charts::{Axis, Chart, Panel};
 const HOSTS: std::ops::RangeInclusive<usize> = 15..=23;
 const DURATION: f64 = 0.013;
 const CONTACTS: std::ops::RangeInclusive<usize> = 10..=30;
-/// Newton from one curve to the next.
+/// Distance from one curve to the next, N.
 const STEP: f64 = 4.0;
 const MASSES: [f64; 3] = [0.5e-3, 12e-3, 25e-3];
 /// The frame of the animation that stands for it in print: 6 g, with two waves behind the hosts.

@@ -53,7 +53,7 @@ fn four_hosts(lab: &Lab) -> Result<Figure, Error> {
             dashed(without, place, force(&before)),
             line(behind, place, force(&after)),
         ];
-        // The second of the soft ball's pulses, which have not parted yet.
+        // The second pulse of the soft ball: it has not yet parted from the first.
         let later = |series: &Series| greatest_within(&series.points, 3.2..3.7);
         second = 100.0 * (1.0 - later(&curves[1]) / later(&curves[0]));
         let panel = Panel::new("force (N)", curves).height(150).note(name);
@@ -75,7 +75,7 @@ fn four_hosts(lab: &Lab) -> Result<Figure, Error> {
 
 const STRIKERS: &str = "16 beads, τ = 4.2 µs, 0.45 m/s: steel balls of R 4.5, 6.5, 9.5 mm, and a polymer ball of R 19 mm, \
                         1100 kg/m³, 20 MPa, ν 0.45";
-/// The first and the last contact at which the paper measured (Fig. 2a): of Fig. A6 it names neither.
+/// The first and the last contact at which the paper measured (Fig. 2a). For Fig. A6 it names neither.
 const NEAR: usize = 6;
 const FAR: usize = 11;
 
@@ -159,7 +159,8 @@ fn spectra(lab: &Lab) -> Result<Figure, Error> {
         let pairs = frequencies.iter().zip(&runs);
         ratio(pairs.map(|(frequency, (_, run))| frequency / force(run, contact).powf(1.0 / 6.0)))
     };
-    // The closed numbers are those of a program of its own: RK4 at equal steps, and sums for the transforms.
+    // The expected numbers are those of an independent program: RK4 at equal steps, and sums for the
+    // transforms.
     let checks = checks![
         "-3 dB frequency at contact {NEAR}, stiff: greatest over least":
             ratio(near[..3].to_vec()) => close(1.405_77, 1e-4), paper "does not vary significantly with radius";

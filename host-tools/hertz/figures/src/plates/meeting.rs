@@ -1,7 +1,7 @@
 //! Two equal solitary waves that meet: each leaves a small wave behind it, far smaller if they meet in a
 //! sphere than if they meet at a contact. In experiments both are greater, which arXiv:1102.3364 puts down to
-//! rolling friction. So they are here with a friction in proportion to the contacts' forces. The values with
-//! friction are those of an independent program (SciPy's DOP853).
+//! rolling friction. They are here, too, with a friction in proportion to the contacts' forces. The values
+//! with friction are those of an independent program (SciPy's DOP853).
 
 use hertz_chain::{ContactLaw, PulseSearch, Scenario, Start, Striker};
 use hertz_charts::Panel;
@@ -21,7 +21,8 @@ plans! {
 
 const CONTACT: usize = 10;
 const SPAN: std::ops::Range<f64> = 1e-3..9e-3;
-/// Coefficient of friction, and the rate of an overlap, m/s, at which it acts with 76 % of its whole.
+/// Coefficient of friction, and the rate of an overlap, m/s, at which the friction reaches 76 % of its full
+/// value.
 const FRICTION: (f64, f64) = (0.03, 4.5e-4);
 
 /// A row of spheres of which the first and the last fly towards each other.

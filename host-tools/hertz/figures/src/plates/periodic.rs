@@ -67,8 +67,8 @@ fn moved(state: &PeriodicState, value: usize, off: f64) -> Result<Vec<f64>, Simu
     Ok(places.chain(velocities).collect())
 }
 
-/// Greatest difference between the sums of the multipliers and of their squares, and the traces of what
-/// differences of runs give for the derivative of a period.
+/// Greatest difference between the sums of the multipliers and of their squares, and the traces of the
+/// derivative of a period, and of its square, by differences of runs.
 fn off_from_runs(state: &PeriodicState) -> Result<f64, SimulateError> {
     let columns = (0..2 * BEADS)
         .into_par_iter()

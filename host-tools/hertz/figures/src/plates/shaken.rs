@@ -80,7 +80,7 @@ fn response(lab: &Lab) -> Result<Figure, Error> {
     Ok(Figure::over(axis, vec![panel, ring], checks))
 }
 
-/// One bead alone, struck: it flies free and its intruder rings in it.
+/// A single bead is struck: it flies free, and its intruder rings in it.
 fn ring_down(lab: &Lab) -> Result<(Panel, OscillatorFit), Error> {
     let intruder = intruder([1], MASS, STIFFNESS, DAMPING);
     let run = lab.run(&with(strike(1, VISCOUS, 0.02), intruder))?;

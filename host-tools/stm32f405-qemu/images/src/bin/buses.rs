@@ -51,7 +51,7 @@ async fn main(_spawner: Spawner) {
     let nobody = bus.blocking_write(0x49, &[0]).is_err();
     let nobody_async = bus.read(0x49, &mut byte).await.is_err();
     defmt::info!("nobody there: {} {}", nobody, nobody_async);
-    // After an error too.
+    // The bus works after an error too.
     bus.blocking_read(SENSOR, &mut byte).expect("the sensor is there");
 
     let mut config = spi::Config::default();

@@ -1,4 +1,4 @@
-//! Waits for edges on a pin (PC13) and of the voltage detector, and says each.
+//! Waits for edges on a pin (PC13) and of the voltage detector, and logs each.
 #![no_std]
 #![no_main]
 

@@ -1,5 +1,5 @@
 //! Random numbers, a checksum, the calendar and the window watchdog, by embassy's drivers. The watchdog
-//! resets the part once; the calendar and a backup register outlive that.
+//! resets the part once; the calendar and a backup register survive that.
 #![no_std]
 #![no_main]
 

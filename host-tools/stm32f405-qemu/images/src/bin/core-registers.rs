@@ -1,4 +1,4 @@
-//! Registers of the processor itself: priorities, the cycle counter, SysTick, and who listens to the trace
+//! Registers of the processor itself: priorities, the cycle counter, SysTick, and the state of the trace
 //! port.
 #![no_std]
 #![no_main]

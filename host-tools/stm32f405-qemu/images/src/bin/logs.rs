@@ -1,5 +1,5 @@
-//! Reads a timer whose clock is off, as many do for the time of their first line. Logs a thousand lines
-//! without a pause: no register is accessed, and no interrupt comes.
+//! Reads a timer whose clock is off, as many images do for the time of their first line. Logs a thousand
+//! lines without a pause: no register is accessed, and no interrupt comes.
 #![no_std]
 #![no_main]
 

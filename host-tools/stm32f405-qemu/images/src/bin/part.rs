@@ -1,5 +1,5 @@
-//! Says which part it runs on, and tries a word at an address that the test chooses: a peripheral's, or the
-//! edges of memory. Then moves PE3, which packages of 100 pins have.
+//! Logs the part on which it runs, and tries a word at an address that the test chooses: a peripheral's, or
+//! the edges of memory. Then moves PE3, which packages of 100 pins have.
 #![no_std]
 #![no_main]
 
@@ -7,7 +7,7 @@ use stm32f405_qemu_images::{AHB1ENR, modify, read, write};
 
 const GPIOE: usize = 0x4002_1000;
 
-/// Here a poke of the test leaves the address. All parts have RAM there.
+/// Place where a poke of the test writes the address. All parts have RAM there.
 const CHOICE: usize = 0x2000_f000;
 
 #[cortex_m_rt::entry]

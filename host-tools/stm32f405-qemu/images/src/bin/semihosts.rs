@@ -1,4 +1,4 @@
-//! Says something to the host by semihosting, and ends itself with a status.
+//! Prints to the host by semihosting, and exits with a status.
 #![no_std]
 #![no_main]
 

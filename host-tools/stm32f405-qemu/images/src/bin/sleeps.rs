@@ -29,7 +29,7 @@ fn main() -> ! {
     modify(CFGR, |clocks| clocks | 1);
     defmt::info!("clock source {}", read(CFGR) >> 2 & 3);
 
-    // A tick each ms would wake from a usual sleep.
+    // A tick each ms would end an ordinary sleep.
     write(TIM2 + 0x2c, 7_999);
     write(TIM2 + 0x0c, 1);
     write(TIM2, 1);

@@ -1,9 +1,9 @@
 //! A handler whose interrupt stays up: it returns, and is entered again without an instruction in between.
-//! Meanwhile it does one of the things that firmware does. The host writes the number of that to the first
-//! word of CCM, and how many ticks it lasts to the second; 0 is for ever.
+//! Meanwhile it does one of several things that firmware does. The host writes the number of that thing to
+//! the first word of CCM, and the number of ticks to the second; 0 is for ever.
 //!
-//! TIM7 ticks each millisecond, and interrupts the handler. The image logs what it counted, and what the
-//! ticks found in the link register.
+//! TIM7 ticks each millisecond, and interrupts the handler. The image logs its counts, and the link register
+//! as the ticks found it.
 #![no_std]
 #![no_main]
 #![allow(
@@ -86,7 +86,7 @@ fn main() -> ! {
     done()
 }
 
-/// Adds with plain loads and stores: the interpreter leaves exclusive ones to QEMU. Gives the sum before.
+/// Adds with plain loads and stores: the interpreter leaves exclusive ones to QEMU. Returns the sum before.
 fn add(to: &AtomicU32, n: u32) -> u32 {
     let before = to.load(Relaxed);
     to.store(before.wrapping_add(n), Relaxed);
@@ -100,8 +100,8 @@ fn prioritize(line: usize, priority: u32) {
     modify(word, |all| all & !(0xff << shift) | priority << shift);
 }
 
-/// Stops a stream, and sets it up anew for another buffer, as drivers do. Stopped, it has its flag for a
-/// moment, which raises its line.
+/// Stops a stream, and sets it up anew for another buffer, as drivers do. A stopped stream has its flag set
+/// for a moment, which raises its line.
 fn restart(dma: usize, stream: usize, flags: u32) {
     const SETTINGS: u32 = 4 << 25 | 1 << 10 | 1 << 4;
     write(dma + stream, SETTINGS);
@@ -180,8 +180,8 @@ extern "C" fn serve_dma2() {
     add(&SERVED, 1);
 }
 
-/// A tick came, with this value in the link register: it says where the processor returns to, and if
-/// floating point was in use there.
+/// Handles a tick. The link register shows to where the processor returns, and if floating point was in use
+/// there.
 #[unsafe(no_mangle)]
 extern "C" fn tick(link: u32) {
     write(TIM7 + 0x10, 0);

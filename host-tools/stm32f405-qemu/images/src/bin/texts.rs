@@ -1,4 +1,4 @@
-//! Logs text and not defmt, though it has defmt as well, and waits for the host whenever the buffer is full.
+//! Logs text instead of defmt, though it has defmt too, and waits for the host whenever the buffer is full.
 #![no_std]
 #![no_main]
 

@@ -1,6 +1,6 @@
 //! Waits in one of the ways in which firmware does. The host writes the way's number to the first word of
-//! CCM, and how many rounds there are to the second; 0 is for ever. A third word that is not 0 turns the
-//! memory protection on, with a fence around words that nobody uses.
+//! CCM, and the number of rounds to the second; 0 is for ever. A third word other than 0 turns the memory
+//! protection on, with a fence around words that nobody uses.
 //!
 //! After each round the image logs the cycle counter, so that the log shows when the wait was over.
 #![no_std]
@@ -107,7 +107,7 @@ fn wait(way: u32) {
             write(USART1 + 4, 0x55);
             while read(USART1) & 1 << 6 == 0 {}
         }
-        // These never come: only the time says that it is enough.
+        // These bits are never set: only the time ends the wait.
         6 => within_a_round(GPIOA + 0x10),
         7 => [DMA2, ADC1, FLASH_SR].into_iter().for_each(within_a_round),
         8 => {
@@ -120,7 +120,7 @@ fn wait(way: u32) {
             let sum = all_kinds();
             defmt::info!("sum {:#x}", sum);
         }
-        // Of some instructions, as its turns are counted up to an interrupt.
+        // A loop of some instructions, since its turns are counted up to an interrupt.
         13 => loop {
             (0..6).for_each(|_| cortex_m::asm::nop());
         },
@@ -139,10 +139,10 @@ fn blink() {
     }
 }
 
-/// A loop on the cycle counter with instructions of all kinds that compilers make. Gives a sum of all that
-/// they made.
+/// A loop on the cycle counter with instructions of all kinds that compilers emit. Returns a sum of all their
+/// results.
 fn all_kinds() -> u32 {
-    // SAFETY: the function keeps the registers that it has to, and reads the counter alone.
+    // SAFETY: the function preserves the registers that it must, and reads only the counter.
     unsafe {
         unsafe extern "C" {
             fn instructions_of_all_kinds(counter: usize, turns: u32) -> u32;
@@ -157,7 +157,7 @@ fn until_passed(counter: usize) {
     while read(counter).wrapping_sub(start) < ROUND {}
 }
 
-/// Waits for a bit, and gives up.
+/// Waits for a bit, and gives up after a round.
 fn within_a_round(register: usize) {
     let start = read(CYCCNT);
     while read(register) & 1 << 9 == 0 && read(CYCCNT).wrapping_sub(start) < ROUND {}

@@ -95,7 +95,7 @@ pub(crate) struct Arguments {
 }
 
 impl Arguments {
-    /// Refuses words that nobody takes.
+    /// Refuses words after the image if nothing takes them.
     ///
     /// # Errors
     /// [`RunError::Input`].
@@ -110,8 +110,8 @@ impl Arguments {
         }
     }
 
-    /// Refuses an output that is an input, which would be emptied, or another output, and one that no file
-    /// can be: a run of minutes should not end without its report.
+    /// Refuses an output that is an input, which would be emptied, or another output, or a path that cannot
+    /// be a file: a run of minutes should not end without its report.
     pub(crate) fn check_outputs(&self) -> Result<(), RunError> {
         let named = self.uart.iter().filter_map(super::uart::Way::file);
         let outputs: Vec<_> = named
@@ -153,7 +153,7 @@ impl Arguments {
         Self { time, ..self.clone() }
     }
 
-    /// The run that they ask for.
+    /// The run that the arguments describe.
     pub(crate) fn run(&self) -> Run {
         let mut run = Run::new(&self.elf);
         run.chip = self.chip;
@@ -173,7 +173,7 @@ impl Arguments {
                 })
                 .collect();
         }
-        // A byte that comes in by a UART may end a loop.
+        // A byte received by a UART may end a loop.
         run.stop_when_hung = !self.uart.iter().any(super::uart::Way::has_input);
         run
     }

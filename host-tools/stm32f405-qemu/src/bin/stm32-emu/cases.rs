@@ -9,10 +9,10 @@ use super::report::{self, Verdict};
 use super::session::{self, Session};
 use super::uart::Lines;
 
-/// Virtual time of a case that says none.
+/// Limit of virtual time for a case without its own, s.
 const LIMIT_S: u32 = 60;
 
-/// Words of `cargo test` behind the image.
+/// Words that `cargo test` passes after the image.
 #[derive(Debug, Default)]
 struct Selection {
     filters: Vec<String>,
@@ -35,7 +35,7 @@ impl Selection {
                 "--nocapture" | "--no-capture" | "--show-output" => selection.show = true,
                 "--ignored" => selection.ignored = true,
                 "--include-ignored" => selection.include_ignored = true,
-                // One case at a time is run in any case, and the output is that of the format pretty.
+                // Cases always run one at a time, with output in the format pretty.
                 "-q" | "--quiet" | "--test" => {}
                 "--skip" | "--test-threads" | "--format" | "--color" | "-Z" => {
                     let missing = || RunError::Input(format!("{word} needs a word after it"));
@@ -69,7 +69,7 @@ impl Selection {
     }
 }
 
-/// Runs those that the words select.
+/// Runs the cases selected by the words.
 ///
 /// # Errors
 /// [`RunError`] if the words are wrong, or there is no run.
@@ -124,7 +124,7 @@ pub(crate) fn run(arguments: &Arguments, all: &[TestCase]) -> Result<Verdict, Ru
     })
 }
 
-/// Runs one. Gives its time, why it failed, and what it said.
+/// Runs a case. Returns its time, the reason of its failure, and its output.
 fn run_one(
     arguments: &Arguments,
     case: &TestCase,
@@ -142,7 +142,7 @@ fn run_one(
     Ok((session.took, failed, lines.kept.unwrap_or_default()))
 }
 
-/// Why a case failed, if it did.
+/// Reason of a case's failure, `None` if it passed.
 fn judge(session: &Session, case: &TestCase, limit_s: u32, arguments: &Arguments) -> Option<String> {
     let verdict = report::verdict(session, arguments);
     let end = session.result.as_ref().ok().map(|outcome| &outcome.end);

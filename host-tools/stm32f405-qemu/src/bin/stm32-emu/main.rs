@@ -1,9 +1,9 @@
-//! Runs an image, shows what it says while it runs, and tells by its exit status what came of it.
+//! Runs an image, shows its output while it runs, and reports the result by the exit status.
 //!
 //!     cargo run --release -p stm32f405-qemu -- firmware.elf
 //!
-//! `arguments` is the command line; `session` is one run; `report` says what came of it, to a reader and to
-//! other programs; `cases` runs the test cases of an image one by one; `uart` is where the USARTs lead.
+//! `arguments` is the command line; `session` is one run; `report` presents the result to a reader and to
+//! other programs; `cases` runs the test cases of an image one by one; `uart` connects the USARTs.
 
 mod arguments;
 mod cases;

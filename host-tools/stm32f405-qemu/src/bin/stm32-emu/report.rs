@@ -17,10 +17,10 @@ const FAULT: u8 = 4;
 const HANG: u8 = 5;
 const UNKNOWN_REGISTER: u8 = 6;
 const NOT_FOUND: u8 = 7;
-/// As of a program that SIGPIPE ends.
+/// The status of a program that SIGPIPE ends.
 const CLOSED: u8 = 141;
 
-/// The exit status, and why it is not 0.
+/// The exit status, and the reason if it is not 0.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Verdict {
     pub(crate) status: u8,
@@ -88,9 +88,9 @@ pub(crate) fn verdict(session: &Session, arguments: &Arguments) -> Verdict {
     }
 }
 
-/// The access or the move of a pin for which a strict run fails.
+/// The register access or pin change for which a strict run fails.
 fn unknown(outcome: &Outcome, chip: Chip) -> Option<String> {
-    // Without a clock it reads as zero on silicon too: many images log the time before they have a timer.
+    // Without a clock it reads as zero on silicon too: many images log a time before their timer runs.
     let is_unknown = |register: &&UnknownRegister| !register.clock_off || register.writes > 0;
     let mut unknown = outcome.unknown_registers.iter().filter(is_unknown);
     if let Some(register) = unknown.next() {
@@ -112,10 +112,10 @@ fn unknown(outcome: &Outcome, chip: Chip) -> Option<String> {
     ))
 }
 
-/// Tells a reader what came of a run.
+/// Prints the result of a run for a reader.
 pub(crate) fn summary(session: &Session) {
     if let Some(outcome) = session.outcome().filter(|_| !session.closed) {
-        // Who does not read to the end does not want to.
+        // A reader that closes the output early does not want the rest.
         let _ = tell(outcome, session, &mut io::stdout().lock());
     }
 }
@@ -201,11 +201,11 @@ struct Json<'a> {
     status: u8,
     why: Option<&'a str>,
     uart_bytes: &'a [(String, usize)],
-    /// Without contents of flash, and without what was shown while the image ran.
+    /// The outcome without contents of flash, and without the output shown while the image ran.
     outcome: Option<Outcome>,
 }
 
-/// Writes the files that were asked for.
+/// Writes the requested files.
 ///
 /// # Errors
 /// [`RunError::Io`].
@@ -243,7 +243,7 @@ pub(crate) fn write(arguments: &Arguments, session: &Session, verdict: &Verdict)
     Ok(())
 }
 
-/// Writes a JUnit report: for each test its name, its time, and why it failed.
+/// Writes a JUnit report: for each test its name, its time, and the reason of its failure.
 ///
 /// # Errors
 /// [`RunError::Io`].

@@ -7,25 +7,25 @@ use stm32f405_qemu::{Inputs, LogLine, Outcome, Passed, Run, RunError, Scenario, 
 use super::arguments::Arguments;
 use super::uart::{Lines, SEMIHOSTING, Ways};
 
-/// Virtual time from look to look, ns.
+/// Virtual time from stop to stop, ns.
 const STEP_NS: u64 = 10_000_000;
 
 /// The result of a run.
 pub(crate) struct Session {
     pub(crate) result: Result<Outcome, RunError>,
-    /// `--until` was given, and whether its pattern was found.
+    /// Pattern of `--until`, and true if it was found.
     pub(crate) until: Option<(String, bool)>,
-    /// Nobody reads the output any more.
+    /// True once nobody reads the output any more.
     pub(crate) closed: bool,
     pub(crate) took: Duration,
     /// Bytes that each USART sent.
     pub(crate) sent: Vec<(String, usize)>,
-    /// Remarks: waveforms that were over before the run was, missing symbols, a crystal that nobody named.
+    /// Remarks: waveforms that ended before the run did, missing symbols, a crystal that nobody specified.
     pub(crate) notes: Vec<String>,
 }
 
 impl Session {
-    /// The outcome of the run, also of one that failed.
+    /// The outcome of the run, even of a failed one.
     pub(crate) fn outcome(&self) -> Option<&Outcome> {
         outcome_of(&self.result)
     }
@@ -34,7 +34,7 @@ impl Session {
 /// Runs an image.
 ///
 /// # Errors
-/// [`RunError`] if it does not start. What fails later is in the session.
+/// [`RunError`] if the run does not start. Later failures are in the session.
 pub(crate) fn run(run: Run, arguments: &Arguments, lines: &mut Lines) -> Result<Session, RunError> {
     let has_symbols = !functions(&run.elf, "")?.is_empty();
     let crystal = f64::from(run.hse_hz) / 1e6;
@@ -98,7 +98,7 @@ fn through(
         if now >= ends_at {
             break;
         }
-        // Input that is there from the beginning waits until the image may have set up its ports.
+        // Input that is present from the beginning waits until the image may have set up its ports.
         let uart = if now < STEP_NS {
             Vec::new()
         } else {
@@ -123,7 +123,7 @@ fn through(
             return Err(RunError::Timeout(arguments.timeout, Box::new(outcome)));
         }
         if ways.have_input() {
-            // Who types there lives in real time.
+            // A user types in real time.
             std::thread::sleep(Duration::from_nanos(passed.now_ns).saturating_sub(began.elapsed()));
         }
     }

@@ -1,4 +1,4 @@
-//! Where the USARTs lead: lines of the output, and ways in and out.
+//! Connections of the USARTs: lines of the output, and streams in and out.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -13,7 +13,7 @@ use stm32f405_qemu::{RunError, Uart, UartInput};
 
 const PORTS: [&str; 6] = ["USART1", "USART2", "USART3", "UART4", "UART5", "USART6"];
 
-/// A UART and where it leads.
+/// A UART and its connection.
 #[derive(Debug, Clone)]
 pub(crate) struct Way {
     port: String,
@@ -29,12 +29,12 @@ enum Where {
 }
 
 impl Way {
-    /// Returns `true` if something may come in.
+    /// Returns `true` if the connection can have input.
     pub(crate) fn has_input(&self) -> bool {
         matches!(self.to, Where::Pty | Where::Tcp(_))
     }
 
-    /// The file that it leads to.
+    /// The file to which the UART's output goes.
     pub(crate) fn file(&self) -> Option<&PathBuf> {
         match &self.to {
             Where::File(path) => Some(path),
@@ -43,7 +43,7 @@ impl Way {
     }
 }
 
-/// Reads `USART2=stdout` and the like.
+/// Parses `USART2=stdout` and the like.
 pub(crate) fn way(text: &str) -> Result<Way, String> {
     let (port, to) = text
         .split_once('=')
@@ -62,32 +62,32 @@ pub(crate) fn way(text: &str) -> Result<Way, String> {
     Ok(Way { port, to })
 }
 
-/// A way that is open.
+/// An open connection.
 struct Open {
     port: String,
     out: Box<dyn Write>,
     input: Option<Receiver<Vec<u8>>>,
 }
 
-/// The ways that lead elsewhere than to the output.
+/// The connections other than to standard output.
 pub(crate) struct Ways(Vec<Open>);
 
 impl Ways {
-    /// Opens them. A TCP port waits for its first connection.
+    /// Opens the connections. A TCP port waits for its first client.
     ///
     /// # Errors
-    /// One line: which cannot be opened.
+    /// One line: the connection that cannot be opened.
     pub(crate) fn open(ways: &[Way]) -> Result<Self, RunError> {
         let ways = ways.iter().filter(|way| !matches!(way.to, Where::Stdout));
         ways.map(open).collect::<Result<_, _>>().map(Self)
     }
 
-    /// Returns `true` if something may come in, at the pace of real time.
+    /// Returns `true` if input may arrive, at the pace of real time.
     pub(crate) fn have_input(&self) -> bool {
         self.0.iter().any(|way| way.input.is_some())
     }
 
-    /// Passes on what a USART sent. One at whose other end nobody is any more is left alone.
+    /// Passes on the bytes that a USART sent. A connection whose other end is closed drops them.
     pub(crate) fn send(&mut self, uart: &Uart) {
         for way in self.0.iter_mut().filter(|way| way.port == uart.port) {
             if way
@@ -101,7 +101,7 @@ impl Ways {
         }
     }
 
-    /// The bytes that have come in, for the receivers at this time.
+    /// The bytes received so far, for the receivers at this time.
     pub(crate) fn received(&mut self, at_ns: u64) -> Vec<UartInput> {
         let mut all = Vec::new();
         for way in &mut self.0 {
@@ -149,7 +149,7 @@ fn open(way: &Way) -> Result<Open, RunError> {
             let (mut master, slave) = TTYPort::pair().map_err(|e| failed(pty(), &e))?;
             let name = slave.name().unwrap_or_default();
             eprintln!("stm32-emu: {port} is at {name}");
-            // While the slave is open here, programs may come and go.
+            // While the slave is open here, programs may connect and disconnect.
             master
                 .set_timeout(std::time::Duration::from_secs(3600))
                 .map_err(|e| failed(pty(), &e))?;
@@ -160,7 +160,7 @@ fn open(way: &Way) -> Result<Open, RunError> {
     Ok(Open { port, out, input })
 }
 
-/// A pseudo-terminal with its slave, which keeps it open.
+/// A pseudo-terminal with its slave, which keeps the terminal open.
 struct Terminal(TTYPort, #[expect(dead_code, reason = "it is kept open")] TTYPort);
 
 impl Write for Terminal {
@@ -173,7 +173,7 @@ impl Write for Terminal {
     }
 }
 
-/// Reads in a thread of its own, a few pieces ahead.
+/// Reads in a separate thread, a few pieces ahead.
 fn reader(mut from: impl Read + Send + 'static) -> Receiver<Vec<u8>> {
     let (sender, pieces) = sync_channel(64);
     std::thread::spawn(move || {
@@ -191,7 +191,7 @@ fn reader(mut from: impl Read + Send + 'static) -> Receiver<Vec<u8>> {
     pieces
 }
 
-/// A line without an end is shown, and searched, when it has this many bytes.
+/// Length at which a line without an end is shown and searched, in bytes.
 const LONGEST_LINE: usize = 1 << 16;
 
 /// The lines of the output, and the search in them.
@@ -199,18 +199,18 @@ pub(crate) struct Lines {
     shown: Vec<String>,
     until: Option<Regex>,
     pub(crate) found: bool,
-    /// Beginnings of lines, by what says them.
+    /// Beginnings of lines, by their source.
     begun: BTreeMap<String, Vec<u8>>,
     /// Lines, for a report of a test case. `None` to show them at once.
     pub(crate) kept: Option<Vec<String>>,
-    /// Nobody reads the output any more.
+    /// True once nobody reads the output any more.
     pub(crate) closed: bool,
     /// Bytes that each USART sent.
     pub(crate) sent: BTreeMap<String, usize>,
 }
 
 impl Lines {
-    /// Lines of the UARTs whose way is standard output, and a search for `until` in them.
+    /// Lines of the UARTs connected to standard output, and a search for `until` in them.
     pub(crate) fn new(ways: &[Way], until: Option<&Regex>) -> Self {
         let to_output = ways.iter().filter(|way| matches!(way.to, Where::Stdout));
         Self {
@@ -240,7 +240,7 @@ impl Lines {
         self.found |= self.until.as_ref().is_some_and(|until| until.is_match(line));
     }
 
-    /// Takes what a USART sent.
+    /// Takes bytes that a USART sent.
     pub(crate) fn uart(&mut self, uart: &Uart) {
         *self.sent.entry(uart.port.clone()).or_default() += uart.bytes.len();
         let shown = self.shown.contains(&uart.port);
@@ -288,5 +288,5 @@ impl Lines {
     }
 }
 
-/// Where text by semihosting comes from, among the USARTs.
+/// Name of semihosting as a source of text, beside the USARTs.
 pub(crate) const SEMIHOSTING: &str = "semihosting";

@@ -7,8 +7,8 @@ pub(super) const DAY: u64 = 86_400;
 const DAYS: u64 = 100 * 365 + 25;
 const PM: u32 = 1 << 22;
 
-/// A date and time of day, in seconds since 2000-01-01 00:00:00, and the day of the week, 1 to 7: firmware
-/// sets it apart from the date.
+/// A date and time of day, in seconds since 2000-01-01 00:00:00, and the day of the week, 1 to 7, which
+/// firmware sets separately.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct Moment {
     pub(super) seconds: u64,
@@ -105,7 +105,7 @@ impl Moment {
         (tr, dr)
     }
 
-    /// The moment that is so many seconds later.
+    /// The moment that is a number of seconds later.
     pub(super) fn plus(&self, seconds: u64) -> Self {
         let later = self.seconds + seconds;
         let days = later / DAY - self.seconds / DAY;
@@ -116,7 +116,7 @@ impl Moment {
     pub(super) fn hour_before(&self) -> Self {
         let hour = 3600;
         match self.seconds.checked_sub(hour) {
-            // Back over midnight is six weekdays on.
+            // A day back is six weekdays forward.
             Some(before) => self.on(before, (self.seconds / DAY - before / DAY) * 6),
             None => self.on(self.seconds + DAYS * DAY - hour, 6),
         }
@@ -164,7 +164,7 @@ fn day_fits(moment: &Moment, alarm: u32) -> bool {
     bcd(date(moment.seconds / DAY).2) == field(alarm, 24, 6)
 }
 
-/// The first second of a day from `from` on that fits hour, minute and second, as far as they are not masked.
+/// The first second of a day, not before `from`, that fits the unmasked ones of hour, minute and second.
 fn next_in_day(from: u64, alarm: u32, twelve_hours: bool) -> Option<u64> {
     let hour = (!bit(alarm, 23)).then(|| hour_of(alarm, twelve_hours));
     let wanted = |at, mask| (!bit(alarm, mask)).then(|| number(field(alarm, at, 7)));

@@ -37,7 +37,7 @@ impl BufferedRegister {
 pub(super) struct Counter {
     pub(super) max: u32,
     pub(super) enabled: bool,
-    /// The timer's clock does not move it: edges at inputs do.
+    /// True if edges at inputs move the counter, not the timer's clock.
     pub(super) by_edges: bool,
     pub(super) prescaler: BufferedRegister,
     pub(super) reload: BufferedRegister,
@@ -127,7 +127,7 @@ impl Counter {
         past.unwrap_or(u64::from(self.count) + ticks) as u32
     }
 
-    /// How it counts, up to its next overflow.
+    /// The ramp of the counter up to its next overflow.
     pub(super) fn ramp(&self, now: u64) -> Ramp {
         let (ticks, first) = (self.ticks(now), self.first_overflow());
         let overflow = match ticks.checked_sub(first) {
@@ -185,7 +185,7 @@ impl Counter {
 
     // Moves of the origin.
 
-    /// The origin moves to `now`. Nothing else changes: the prescaler keeps its phase.
+    /// Moves the origin to `now`. Nothing else changes: the prescaler keeps its phase.
     pub(super) fn go_on(&mut self, now: u64) {
         let (count, repeats) = (self.count(now), self.repeats(now));
         let edges = self.edges(now);
@@ -196,7 +196,7 @@ impl Counter {
         (self.origin, self.count, self.repeats) = (edges, count, repeats);
     }
 
-    /// The counter has this value from `now` on.
+    /// Sets the counter at `now`.
     pub(super) fn set_count(&mut self, count: u32, now: u64) {
         self.go_on(now);
         self.count = count & self.max;
@@ -218,7 +218,7 @@ impl Counter {
         self.repeats = self.repetition.active;
     }
 
-    /// An edge moves it, every one that the prescaler lets through. `None` if this one does not; else whether
+    /// Moves the counter by an edge, if the prescaler lets it through. Returns `None` if not, else `true` if
     /// there is an update event.
     pub(super) fn step(&mut self, down: bool) -> Option<bool> {
         if !self.enabled || self.reload.active == 0 {
@@ -253,7 +253,7 @@ impl Counter {
         self.repetition.load();
     }
 
-    /// The clock has another frequency from `now` on. The part of a clock that had passed is lost.
+    /// Changes the clock's frequency at `now`. The part of a clock that had passed is lost.
     pub(super) fn set_clock(&mut self, hz: u32, now: u64) {
         self.go_on(now);
         (self.hz, self.since_ns, self.origin) = (hz, now, 0);

@@ -103,7 +103,7 @@ impl TimerKind {
         Self { apb, ..self }
     }
 
-    /// Checks that it has a register.
+    /// Checks that this kind has a register.
     pub(super) fn check(&self, offset: u32) -> Result<(), NoRegister> {
         let has = match offset {
             0x04 => self.cr2 != 0,

@@ -1,8 +1,8 @@
-//! The time that the flash takes (RM0090 sections 3.4 and 3.5).
+//! Access times of the flash (RM0090 sections 3.4 and 3.5).
 //!
-//! A read takes a line of 16 bytes, and five wait states at 168 MHz. The accelerator keeps 64 lines of
-//! instructions and 8 of constants, and reads the line after the one in use. Which line gives way is not
-//! documented: here it is the one not used for longest.
+//! A read fetches a line of 16 bytes, and takes five wait states at 168 MHz. The accelerator keeps 64 lines
+//! of instructions and 8 of constants, and prefetches the line after the one in use. It is not documented
+//! which line is evicted: here it is the least recently used.
 
 use std::collections::VecDeque;
 
@@ -16,12 +16,12 @@ pub(super) fn line(address: u32) -> u32 {
     address >> 4
 }
 
-/// Lines in a cache, the one used last in front.
+/// Lines in a cache, the most recently used first.
 #[derive(Debug, Default)]
 struct Lines(VecDeque<u32>);
 
 impl Lines {
-    /// Returns `true` if the line is there, and makes it the one used last.
+    /// Returns `true` if the line is in the cache, and marks it as most recently used.
     fn uses(&mut self, line: u32) -> bool {
         let found = self.0.iter().position(|kept| *kept == line);
         if let Some(at) = found {
@@ -40,13 +40,13 @@ impl Lines {
 /// The flash and its accelerator.
 #[derive(Debug, Default)]
 pub(super) struct Flash {
-    /// Caches and prefetch are on.
+    /// True if caches and prefetch are on.
     accelerated: bool,
-    /// When the memory has done its last read.
+    /// Time at which the memory has completed its last read.
     free: u64,
-    /// The line that instructions come from.
+    /// The line in use by instructions.
     current: Option<u32>,
-    /// The line that was read ahead, and when it is there.
+    /// The prefetched line, and the time at which it is ready.
     ahead: Option<(u32, u64)>,
     instructions: Lines,
     constants: Lines,
@@ -60,13 +60,13 @@ impl Flash {
         }
     }
 
-    /// When a read that is asked for now has its line.
+    /// Time at which a read requested now has its line.
     fn reads(&mut self, now: u64) -> u64 {
         self.free = self.free.max(now) + 1 + WAITS;
         self.free
     }
 
-    /// When a word of instructions that is asked for now is there.
+    /// Time at which a word of instructions requested now is ready.
     pub(super) fn fetch(&mut self, address: u32, now: u64) -> u64 {
         let line = line(address);
         if self.current.replace(line) == Some(line) {
@@ -95,7 +95,7 @@ impl Flash {
         there
     }
 
-    /// Cycles that a read of constants at this address waits.
+    /// Wait cycles of a read of constants at this address.
     pub(super) fn read(&mut self, address: u32, now: u64) -> u64 {
         let line = line(address);
         if self.accelerated && self.constants.uses(line) {
@@ -119,7 +119,7 @@ mod tests {
         assert_eq!(flash.fetch(0xc, 6), 7);
         assert_eq!(flash.fetch(LINE, 7), 13);
         assert_eq!(flash.fetch(0, 20), 26);
-        // A constant, and one asked for while it is read.
+        // A constant, and one requested while that is read.
         assert_eq!([flash.read(0x400, 30), flash.read(0x400, 32)], [5, 9]);
     }
 
@@ -127,7 +127,7 @@ mod tests {
     fn the_accelerator_reads_ahead_and_keeps_64_lines_of_instructions_and_8_of_constants() {
         let mut flash = Flash::new(true);
         assert_eq!(flash.fetch(0, 0), 6);
-        // Read from 6 to 12; asked for in time, and too early.
+        // Read from 6 to 12; requested in time, and too early.
         assert_eq!(flash.fetch(LINE, 10), 12);
         assert_eq!(flash.fetch(2 * LINE, 100), 101);
         let mut now = 1000;

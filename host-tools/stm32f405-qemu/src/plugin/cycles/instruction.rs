@@ -1,41 +1,41 @@
-//! A Thumb instruction as far as its time depends on it.
+//! The properties of a Thumb instruction on which its time depends.
 //!
-//! Cycles are those of the Cortex-M4 Technical Reference Manual (DDI0439B, tables 3-1 and 7-1); encodings
-//! those of the ARMv7-M Architecture Reference Manual (DDI0403E, chapter A5).
+//! Cycles are from the Cortex-M4 Technical Reference Manual (DDI0439B, tables 3-1 and 7-1), and encodings
+//! from the ARMv7-M Architecture Reference Manual (DDI0403E, chapter A5).
 
-/// The units that an instruction keeps busy, and for how long.
+/// The unit that an instruction keeps busy, and for how long.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Work {
-    /// In the core alone: cycles.
+    /// Cycles in the core only.
     Core(u8),
-    /// UDIV and SDIV: 2 to 12 cycles, by the operands.
+    /// UDIV and SDIV: 2 to 12 cycles, depending on the operands.
     Divide,
-    /// DSB, DMB and ISB: one cycle and what they wait for.
+    /// DSB, DMB and ISB: one cycle, and the time that they wait.
     Barrier,
     /// A single load: 2 cycles, or 1 behind another one.
     Load,
     /// A single store: 1 cycle, since a buffer takes it.
     Store,
-    /// A single store whose offset is in a register: as a load.
+    /// A single store with its offset in a register: takes as long as a load.
     StoreAtOffset,
-    /// A load or store of this many words: a cycle more than they are.
+    /// A load or store of this many words: one cycle more than words.
     Words(u8),
 }
 
-/// A Thumb instruction as far as its time depends on it. Sets of registers have a bit for each.
+/// The properties of a Thumb instruction on which its time depends. Sets of registers have a bit for each.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Instruction {
     pub(super) address: u32,
-    /// 2 or 4.
+    /// Length of the instruction: 2 or 4.
     pub(super) bytes: u32,
     pub(super) work: Work,
-    /// True if it can go on elsewhere than at the next one.
+    /// True if execution can continue elsewhere than at the next instruction.
     pub(super) branches: bool,
     /// Registers that a data processing instruction writes.
     written: u16,
     /// The register that a single load writes.
     loaded: u16,
-    /// Registers that make the address of a load or a store.
+    /// Registers that form the address of a load or a store.
     addressed_by: u16,
 }
 
@@ -43,7 +43,7 @@ const SP: u16 = 1 << 13;
 const PC: u16 = 1 << 15;
 
 impl Instruction {
-    /// Decodes the instruction at an address. `word` is its halfword, or its two with the first below.
+    /// Decodes an instruction. `word` is its halfword, or its two with the first in the low half.
     pub(super) fn decode(address: u32, word: u32) -> Self {
         let [first, second] = [word as u16, (word >> 16) as u16];
         let this = Self {
@@ -118,7 +118,7 @@ impl Instruction {
             0xe8d0..=0xe8df if second & 0xffe0 == 0xf000 => {
                 self.takes(Work::Core(2)).at(base | low).going_elsewhere()
             }
-            // Exclusive ones.
+            // Exclusive loads and stores.
             0xe850..=0xe85f | 0xe8d0..=0xe8df => self.loads(upper, base),
             0xe840..=0xe84f | 0xe8c0..=0xe8cf => self.takes(Work::StoreAtOffset).at(base),
             _ if first & 0xfe40 == 0xe840 => self.takes(Work::Words(2)).at(base),
@@ -164,7 +164,7 @@ impl Instruction {
         let base = 1 << (first & 0xf);
         let is_double = second & 0x100 != 0;
         match first {
-            // Two registers at once.
+            // Transfers of two registers.
             0xec40..=0xec5f => self.takes(Work::Core(2)),
             _ if first & 0xff20 == 0xed00 => self.takes(Work::Words(1 + u8::from(is_double))).at(base),
             0xec00..=0xedff => self.takes(Work::Words(second as u8)).at(base),
@@ -212,15 +212,15 @@ impl Instruction {
         }
     }
 
-    /// Cycles in the core behind another instruction, without a branch and with memory that is always ready:
-    /// probable ones, and at most. `skipped`: its condition did not hold, so it accessed nothing.
+    /// Probable and greatest number of cycles in the core after another instruction, without a branch and
+    /// with memory that is always ready. `skipped`: the condition did not hold, so nothing was accessed.
     pub(super) fn cycles(&self, before: Option<&Self>, skipped: bool) -> [u32; 2] {
         if skipped {
             return [1, 1];
         }
         let waits = |of: fn(&Self) -> u16| before.is_some_and(|before| of(before) & self.addressed_by != 0);
-        // Section 3.3.2: an address takes a cycle more if the instruction before has computed it. A single
-        // access behind a load is a cycle shorter, unless that load gives its address.
+        // Section 3.3.2: an access takes a cycle more if the instruction before computes its address. A
+        // single access after a load is a cycle shorter, unless that load provides its address.
         let late = u32::from(waits(|before| before.written));
         let behind_load = before.is_some_and(|before| before.work == Work::Load);
         let single = 2 - u32::from(behind_load && !waits(|before| before.loaded));
@@ -243,7 +243,7 @@ mod tests {
     #[test]
     fn an_instruction_is_what_its_encoding_says() {
         let registers = |set: u16| (0..16).filter(|n| set >> n & 1 != 0).collect::<Vec<_>>();
-        // As llvm-mc writes them.
+        // Disassembly by llvm-mc.
         let cases: [(u32, Work, bool, [&[u8]; 3]); 37] = [
             (0x3801, Work::Core(1), false, [&[0], &[], &[]]), // subs r0, #1
             (0x2801, Work::Core(1), false, [&[], &[], &[]]),  // cmp r0, #1

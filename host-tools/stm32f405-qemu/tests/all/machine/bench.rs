@@ -1,4 +1,4 @@
-//! A machine with a board that records what comes out, stepped as QEMU steps it.
+//! A machine with a board that records its output, stepped as QEMU steps it.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -35,7 +35,7 @@ pub(crate) fn ramp(rows: u16) -> Vec<[u16; 4]> {
     (0..rows).map(|i| [i, 1000 + i, 0, 0]).collect()
 }
 
-/// Memory, and a record of everything that came out.
+/// Memory, and a record of all output.
 #[derive(Default)]
 pub(crate) struct TestBoard {
     pub(crate) sram: Vec<u8>,
@@ -161,14 +161,14 @@ impl MachineBench {
             .write(address, bytes, value, self.board.now, &mut self.board);
     }
 
-    /// Writes registers of a peripheral, one after the other.
+    /// Writes registers of a peripheral, in order.
     pub(crate) fn set<const N: usize>(&mut self, peripheral: u32, writes: [(u32, u32); N]) {
         for (offset, value) in writes {
             self.write(peripheral + offset, value);
         }
     }
 
-    /// Goes on to `until`, waking for interrupts only; `on_wake` is the firmware's handler.
+    /// Advances to `until`, waking only for interrupts; `on_wake` is the firmware's handler.
     pub(crate) fn run(&mut self, until: u64, mut on_wake: impl FnMut(&mut Self)) {
         while let Some(at) = self.machine.next_interrupt().filter(|at| *at <= until) {
             assert!(at > self.board.now, "a wake that does not lie ahead");
@@ -181,7 +181,7 @@ impl MachineBench {
         self.machine.advance(until, &mut self.board);
     }
 
-    /// Goes on to `until` without a handler.
+    /// Advances to `until` without a handler.
     pub(crate) fn pass(&mut self, until: u64) {
         self.run(until, |_| {});
     }
@@ -194,7 +194,7 @@ impl MachineBench {
         self.board.lines.contains(&number)
     }
 
-    /// CR open, to program by words.
+    /// Unlocks CR, and sets it to program words.
     pub(crate) fn open_flash(&mut self) {
         self.set(FLASH, [0x4567_0123, 0xcdef_89ab].map(|key| (0x04, key)));
         self.write(FLASH + 0x10, 0b10 << 8 | 1);

@@ -13,7 +13,7 @@ const BTF: u32 = 1 << 2;
 const I2C1_EV: usize = 31;
 const I2C1_ER: usize = 32;
 
-/// Sends back what came before, with one bit turned.
+/// Sends back the frame before, with one bit inverted.
 #[derive(Default)]
 struct Echo {
     last: u16,
@@ -44,7 +44,7 @@ fn pass(bench: &mut MachineBench, ns: u64) {
     bench.pass(bench.board.now + ns);
 }
 
-/// START and an address, with what is in CR1 besides.
+/// Sends START and an address, with these other bits in CR1.
 fn address(bench: &mut MachineBench, byte: u32, cr1: u32) {
     bench.write(I2C1, 0x101 | cr1);
     pass(bench, 10_000);
@@ -69,7 +69,7 @@ fn a_sensor_takes_a_register_number_and_gives_bytes_after_a_repeated_start() {
     bench.write(I2C1 + 0x10, 3);
     pass(&mut bench, 90_000);
     assert_eq!(bench.read(SR1) & BTF, BTF);
-    // Two bytes: ACK is cleared and STOP asked for while the second is under way.
+    // Two bytes: ACK is cleared and STOP requested while the second is being received.
     address(&mut bench, 0x91, 1 << 10);
     pass(&mut bench, 90_000);
     let first = bench.read(I2C1 + 0x10);
@@ -81,7 +81,7 @@ fn a_sensor_takes_a_register_number_and_gives_bytes_after_a_repeated_start() {
     assert_eq!(bench.read(GPIOB + 0x10) & 1, 1, "the sensor raises PB0");
     let sensor = sensor.unwrap();
     let sensor = sensor.lock().unwrap();
-    // After START and nine bits each; in between, a byte.
+    // Each after START and nine bits; a byte in between.
     assert_eq!(sensor.starts, [(false, 100_000), (true, 290_000)]);
     assert_eq!(sensor.stops, 1);
     assert_eq!(bench.outcome().unmodelled, [""; 0]);

@@ -32,7 +32,7 @@ fn with_wires(wires: &[(&str, &str)]) -> MachineBench {
     })
 }
 
-/// A pin gets an alternate function.
+/// Sets a pin to an alternate function.
 fn set_function(bench: &mut MachineBench, port: u32, pin: u32, function: u32) {
     let mode = bench.read(port) & !(0b11 << (2 * pin));
     bench.write(port, mode | 0b10 << (2 * pin));
@@ -43,7 +43,7 @@ fn set_function(bench: &mut MachineBench, port: u32, pin: u32, function: u32) {
 
 #[test]
 fn every_timer_interrupts_at_its_update_by_the_line_that_the_manual_gives_it() {
-    // Places from 0x4000_0000 on, 0x400 bytes each; those from 64 on are on APB2. Lines of the updates.
+    // Positions from 0x4000_0000, 0x400 bytes each; those from 64 are on APB2. Lines of the updates.
     let places = [64, 0, 1, 2, 3, 4, 5, 65, 80, 81, 82, 6, 7, 8];
     let lines = [25, 28, 29, 30, 50, 54, 55, 44, 24, 25, 26, 43, 44, 45];
     for (place, line) in places.into_iter().zip(lines) {
@@ -82,7 +82,7 @@ fn an_advanced_timer_counts_repetitions_and_has_a_line_for_each_kind_of_event() 
     assert_eq!(bench.board.rises[&44], [30_000, 60_000], "update");
     let compares: Vec<u64> = (0..7).map(|period| 4_000 + 10_000 * period).collect();
     assert_eq!(bench.board.rises[&46], compares);
-    // A break by software takes the outputs off.
+    // A break by software turns the outputs off.
     bench.set(TIM8, [(0x44, 1 << 15), (DIER, 1 << 7), (EGR, 1 << 7)]);
     assert!(bench.has_line(43));
     assert_eq!(bench.read(TIM8 + 0x44), 0);
@@ -204,7 +204,7 @@ fn an_stm32f429_reaches_180_mhz_with_overdrive_and_an_stm32f411_does_not() {
         // 8 MHz / 8 * 360 / 2, APB1 with a quarter, APB2 with half; five wait states.
         let apb2 = if part.contains("429") { 0b100 } else { 0 };
         bench.set(FLASH, [(0x00, 5 | 0x700)]);
-        // On the internal oscillator the PLL can be set.
+        // The PLL can be set while the internal oscillator is the clock.
         bench.set(RCC, [(0x08, 0), (0x00, 1 << 16 | 1)]);
         bench.set(RCC, [(0x04, 1 << 22 | 360 << 6 | 8)]);
         bench.set(RCC, [(0x00, 1 << 24 | 1 << 16 | 1)]);
@@ -213,7 +213,7 @@ fn an_stm32f429_reaches_180_mhz_with_overdrive_and_an_stm32f411_does_not() {
     }
 }
 
-/// A machine to whose port these bytes are sent.
+/// A machine whose port receives these bytes.
 fn receiving(port: &str, at_ns: u64, bytes: &[u8]) -> MachineBench {
     let (port, bytes) = (port.into(), bytes.into());
     MachineBench::with(|run| run.uart_input = vec![UartInput { port, at_ns, bytes }])
@@ -293,7 +293,7 @@ fn a_wire_leads_an_output_to_an_input_to_a_capture_and_to_an_external_interrupt(
         (input, bench.read(TIM2 + 0x34), pending)
     });
     assert_eq!(seen, [(1, 840, 2), (1, 840, 0), (0, 840, 2), (1, 2520, 2)]);
-    // With the output let go, nothing drives the wire: the pull-up of its other end does.
+    // With the output released, nothing drives the wire: the pull-up of its other end does.
     bench.set(GPIOC, [(0x0c, 0b01 << 2), (0x14, 0)]);
     assert_eq!(bench.read(GPIOC + 0x10) & 0b10, 0);
     bench.write(GPIOC, 0);
@@ -391,7 +391,7 @@ fn a_stream_that_waits_for_a_request_that_no_model_makes_is_noted_by_its_name() 
     assert_eq!(bench.outcome().unmodelled, expected);
 }
 
-/// SPI1's transmitter asks stream 2 of DMA2 by channel 2 on an STM32F411 (RM0383 table 28), but not on an
+/// SPI1's transmitter requests stream 2 of DMA2 by channel 2 on an STM32F411 (RM0383 table 28), but not on an
 /// STM32F405.
 #[test]
 fn a_stream_serves_the_requests_of_its_part() {
@@ -458,7 +458,7 @@ fn copies_between_memories_leave_direct_mode_and_cannot_be_circular_or_of_dma1()
     }
 }
 
-/// TI2 was high before its pin led to the timer: TI1 follows it, so the counter goes down.
+/// TI2 was high before its pin was connected to the timer: TI1 follows it, so the counter counts down.
 #[test]
 fn an_encoder_knows_the_level_that_its_other_input_has_had_from_the_beginning() {
     const SMCR: u32 = 0x08;

@@ -33,18 +33,18 @@ fn two_milliseconds_of_triggered_scans_lie_in_memory_in_order_with_an_interrupt_
     let mut bench = acquiring();
     bench.run(2_000_000, MachineBench::clear_stream0);
 
-    // 199 whole scans, and the first conversions of one that began at 2 ms are still running. Scans 192..199
+    // 199 whole scans, and the first conversions of one that began at 2 ms and still runs. Scans 192..199
     // have overwritten those of the third pass.
     let ring = bench.halfwords(SRAM, 128);
     let scans = (192..199).chain(135..192);
     let expected: Vec<u16> = scans.flat_map(|scan| [scan, 1000 + scan]).collect();
     assert_eq!(ring, expected);
-    // 32 scans a half: scan n starts at (n + 1) * 10 µs and its second conversion ends 136 cycles of 21 MHz
-    // later.
+    // 32 scans per half: scan n starts at (n + 1) * 10 µs, and its second conversion ends 136 cycles of 21
+    // MHz later.
     let expected: Vec<u64> = (1..=6).map(|half| half * 320_000 + 6_477).collect();
     assert_eq!(bench.board.rises[&DMA2_STREAM0], expected);
     assert_eq!(bench.board.blocks, [32; 6]);
-    // One for the first scan and one an interrupt, none a sample.
+    // One wake-up for the first scan and one per interrupt, none per sample.
     assert_eq!(bench.wakes, 7);
     let outcome = bench.outcome();
     assert_eq!(outcome.sampling.unwrap().first_ns, 10_000);
@@ -53,7 +53,7 @@ fn two_milliseconds_of_triggered_scans_lie_in_memory_in_order_with_an_interrupt_
     assert_eq!(outcome.unmodelled, [""; 0]);
 }
 
-/// Many scans in one stretch are played by a shorter way than one event at a time.
+/// Many scans in one stretch are played by a shortcut instead of event by event.
 #[test]
 fn what_is_played_in_one_stretch_is_what_is_played_event_by_event() {
     let played = |memory: u32, two_converters: bool, step: usize| {
@@ -98,10 +98,10 @@ fn a_ring_whose_stream_is_stopped_overruns_and_sleeps_until_ovr_is_cleared() {
     bench.wakes = 0;
     bench.pass(995_000);
     let outcome = bench.outcome();
-    // From 50 µs on.
+    // From 50 µs.
     assert_eq!((outcome.overruns, outcome.triggers_ignored), (1, 95));
     assert_eq!(bench.read(ADC1) & OVR, OVR);
-    // The interrupt of the overrun, perhaps a conversion before it, and nothing at the triggers that follow.
+    // The interrupt of the overrun, possibly a conversion before it, and nothing at the triggers that follow.
     assert!(bench.has_line(18) && bench.wakes <= 2, "{} wakes", bench.wakes);
     bench.write(DMA2 + 0x08, 0x3f);
     bench.write(STREAM0, cr);
@@ -167,7 +167,7 @@ fn a_ring_in_ccm_is_a_transfer_error_and_is_named() {
     bench.pass(30_000);
     assert!(bench.has_line(DMA2_STREAM0));
     assert_eq!(bench.read(DMA2) & 0x3f, TEIF0);
-    // Each of the three addresses, also one that no stream uses.
+    // Each of the three addresses, including one that no stream uses.
     for register in [0x08, 0x0c, 0x10] {
         let mut bench = MachineBench::new(Vec::new());
         bench.set(STREAM0, [(register, 0x1001_0000), (register, 0x2000_0000)]);
@@ -203,7 +203,7 @@ fn a_narrow_write_is_repeated_over_the_word_on_apb_and_leaves_the_rest_of_it_els
     assert_eq!(bench.read(TIM3 + 0x2c), 0x1212);
     bench.write_narrow(TIM2 + 0x2c, 2, 0x3456);
     assert_eq!(bench.read(TIM2 + 0x2c), 0x3456_3456);
-    // No register is read for it: of EXTI's pending bits, which ones clear, only line 0 is cleared.
+    // Reads no register: of EXTI's pending bits, which a one clears, only that of line 0 is cleared.
     bench.set(EXTI, [(0x00, 0b11), (0x10, 0b11)]);
     bench.write_narrow(EXTI + 0x14, 1, 0b01);
     assert_eq!(bench.read(EXTI + 0x14), 0b10);
@@ -243,7 +243,7 @@ fn a_machine_that_listens_to_a_pin_or_a_receiver_is_not_at_rest() {
             bench.machine.is_at_rest()
         })
     };
-    // The receiver and its interrupt; then a rising edge that is enabled.
+    // The receiver and its interrupt; then an enabled rising edge.
     assert_eq!(
         rests_after(
             &mut bench,
@@ -395,7 +395,7 @@ fn a_software_scan_under_a_trigger_is_taken_or_ignored_as_the_run_says() {
     assert_eq!(ignored, (vec![0, 0], vec![0, 1000, 1, 1001, 0, 0]));
 }
 
-/// USART1 at 1 Mbit/s that receives `abc` from 10 µs on, by DMA2 stream 2 into SRAM.
+/// USART1 at 1 Mbit/s that receives `abc` from 10 µs, by DMA2 stream 2 into SRAM.
 fn receiving(latency_ns: u64) -> MachineBench {
     let mut bench = MachineBench::with(|run| {
         run.receive_dma_latency_ns = latency_ns;
@@ -418,7 +418,7 @@ fn a_byte_that_the_processor_reads_before_a_late_dma_is_lost_to_it() {
         bench.pass(60_000);
         assert_eq!(bench.board.sram[..3], *fetched, "{latency_ns} ns");
     }
-    // A byte that finds the one before it not fetched is lost as well.
+    // A byte that arrives before the one before was fetched is lost as well.
     let mut bench = receiving(11_000);
     bench.pass(60_000);
     assert_eq!(bench.board.sram[..3], *b"ac\0");
@@ -456,7 +456,7 @@ fn the_time_of_each_clock_adds_up_to_the_run() {
     assert_eq!(bench.outcome().hclk_ns, expected);
 }
 
-/// Writes that firmware makes to set streams up anew, at random.
+/// Random writes by which firmware sets streams up anew.
 #[test]
 fn steady_writes_to_a_dma_controller_do_what_others_do_and_are_refused_where_they_do_more() {
     const DMA2_STREAM2: u32 = stream(DMA2, 2);
@@ -493,7 +493,7 @@ fn steady_writes_to_a_dma_controller_do_what_others_do_and_are_refused_where_the
             accepted += 1;
             assert!(may_rise || steady.board.lines.is_subset(&lines));
             let changed = steady.board.lines != lines || registers(&mut steady) != before;
-            // Something that no register shows may differ.
+            // State that no register shows may differ.
             assert!(!(changed && steady.machine.are_registers_as_kept()));
             came_back += u32::from(steady.machine.are_registers_as_kept());
         } else {
@@ -528,7 +528,7 @@ fn a_steady_write_moves_no_data() {
     let mut bench = MachineBench::new(Vec::new());
     bench.start_usart(USART1, 0);
     bench.set(STREAM7, [(0x08, USART1 + 4), (0x0c, SRAM), (0x04, 3)]);
-    // Nothing asks for data yet.
+    // Nothing requests data yet.
     assert!(steady(&mut bench, STREAM7, TO_USART | 1).is_some());
     assert!(steady(&mut bench, STREAM7, TO_USART).is_some());
     bench.write(USART1 + 0x14, 1 << 7);
@@ -565,7 +565,7 @@ fn a_timer_counts_the_trigger_output_of_another_and_interrupts_at_its_own_update
         }
     });
     assert_eq!(bench.board.rises[&TIM2_LINE], [100_000, 200_000, 300_000]);
-    // Without CEN the triggers pass.
+    // Without CEN the triggers are ignored.
     bench.write(TIM2, 0);
     let before = bench.read(TIM2 + 0x24);
     bench.pass(450_000);

@@ -46,7 +46,7 @@ fn a_timer_plays_pairs_from_memory_by_one_request() {
         bench.pass(10_000 * period + 5_000);
         played.push(outputs(&mut bench));
     }
-    // The first trigger finds what was held; the stream is then one ahead.
+    // The first trigger outputs the held value; from then on the stream is one ahead.
     assert_eq!(
         played,
         [
@@ -83,7 +83,7 @@ fn a_channel_of_its_own_has_its_own_stream_and_an_underrun_interrupts() {
     bench.pass(35_000);
     assert_eq!(outputs(&mut bench), [0, 1001]);
     bench.pass(65_000);
-    // Its third trigger asks, and the fourth finds that nobody has served it.
+    // The third trigger requests data, and the fourth finds the request not served.
     assert_eq!(bench.board.rises[&TIM6_DAC], [40_000]);
     assert_eq!(bench.read(DAC + SR), 1 << 29);
 }

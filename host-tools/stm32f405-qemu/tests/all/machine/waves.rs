@@ -31,7 +31,7 @@ fn captures_go_to_memory_by_dma_with_the_interrupt_of_the_stream() {
     assert_eq!(bench.outcome().unmodelled, [""; 0]);
 }
 
-/// Strips of lights are driven so: a compare value for each period.
+/// LED strips are driven this way: a compare value for each period.
 #[test]
 fn an_update_fetches_the_next_compare_value_by_dma() {
     let mut bench = modulating(|run| run.record_pins = true);
@@ -43,7 +43,7 @@ fn an_update_fetches_the_next_compare_value_by_dma() {
     bench.start_stream(stream(DMA1, 2), 3, TIM3 + 0x34, SRAM, halfwords);
     bench.write(TIM3 + 0x0c, 1 << 8);
     bench.pass(55_000);
-    // Each value is loaded an update after it was fetched.
+    // Each value takes effect one update after its fetch.
     let widths: Vec<_> = bench.outcome().pins[0]
         .changes
         .chunks_exact(2)

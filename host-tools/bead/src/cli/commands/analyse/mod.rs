@@ -109,7 +109,7 @@ fn written(wanted: &Gathered<'_>, out: &TableFile) -> Result<Vec<BeadSpectrum>, 
         anyhow::ensure!(beads.is_ok(), "no strike has a spectrum");
         Ok(())
     });
-    // A failure of the strikes is none of the file's.
+    // Returns a failure of the strikes as such, not as one of the file.
     let beads = gathered.transpose()?;
     file?;
     Ok(beads.unwrap_or_default())

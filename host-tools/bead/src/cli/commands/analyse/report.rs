@@ -59,7 +59,7 @@ impl AnalyseReport {
         report
     }
 
-    /// True if no acceleration has a part.
+    /// True for a spectrum of the force.
     pub(super) fn is_of_force(&self) -> bool {
         self.of == "force"
     }

@@ -29,7 +29,7 @@ pub(super) struct Gathered<'a> {
     pub(super) gravities: bool,
 }
 
-/// A bead with its sums, from the first strike on that has a spectrum.
+/// A bead with its sums; `None` before the first strike with usable signals.
 type Bead = GatheredBead<Option<BeadSums>>;
 
 /// The strikes that wait for their spectra, each with the place of its bead.
@@ -80,7 +80,7 @@ fn leave_out(bead: &mut Bead, recording: &str, strike: u32, why: String) {
     });
 }
 
-/// The signals of a strike, with which its bead has a plan.
+/// The signals of a strike. The first strike of a bead determines the bead's plan.
 fn planned(
     of: &Gathered<'_>,
     recording: &str,
@@ -123,7 +123,7 @@ fn compute(
                 *written += 1;
             }
             (Some(Err(why)), _) => leave_out(bead, &signal.recording, signal.strike, why),
-            // A strike waits only for a plan that is there.
+            // Every waiting strike has a plan.
             _ => {}
         }
     }

@@ -32,7 +32,7 @@ pub(super) fn run(arguments: &DropArguments) -> Result<(), Failure> {
     prepared.finish(&arguments.common, calibration, &before, recordings, truth)
 }
 
-/// Quantities that the operator states. Every recording has a height, or all have one.
+/// Quantities that the operator states. Each recording has its own height, or all share one.
 fn stated(arguments: &DropArguments) -> Result<DropInputs, Failure> {
     let (recordings, heights) = (arguments.recordings.len(), arguments.height.len());
     if recordings == 0 && arguments.source.from.is_none() {

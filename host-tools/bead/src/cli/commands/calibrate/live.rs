@@ -13,7 +13,7 @@ use bead_wire::{Counters, Message};
 
 use crate::cli::commands::prelude::*;
 
-/// Time after the last strike in which its frames, and lost ones again, come.
+/// Time after the last strike for its frames, and for lost ones to come again.
 const AFTERWARDS: Duration = Duration::from_millis(1500);
 
 /// An act that a person is asked for, and how often.
@@ -22,7 +22,7 @@ pub(super) struct Prompt {
     pub(super) act: String,
     /// Number of acts.
     pub(super) wanted: u32,
-    /// Strikes that are less apart, s, belong to one act.
+    /// Strikes less than this apart, s, belong to one act.
     pub(super) apart: f64,
 }
 
@@ -63,7 +63,7 @@ pub(super) fn record(port: &Address, baud: u32, target: &Target, prompt: &Prompt
     let recorded = recorder.run(ports, &stop).map_err(Failure::input)?;
     let (done, is_done) = (guide.done, guide.is_done);
     if is_done {
-        // The next recording of this procedure begins with a flag that is not set.
+        // The next recording of this procedure needs a cleared flag.
         stop.store(false, Ordering::Relaxed);
     }
     match recorded.counters {

@@ -11,7 +11,7 @@ use crate::cli::line_options::{TIMEOUT, open};
 
 /// Duration of the scans of a tone.
 const DURATION: Duration = Duration::from_millis(500);
-/// Tones that a procedure takes at least.
+/// Least number of tones of a procedure.
 const FEWEST: usize = 2;
 
 /// Asks for tones until an empty line, and writes them as a table. It is written anew after each tone, so an
@@ -57,7 +57,7 @@ pub(super) fn record(
                 );
                 points.push(point);
                 target.write_bytes(table(&points))?;
-                // From now on the file is its own.
+                // This command has written the file and may replace it.
                 target = target.replacing(true);
             }
             Err(why) => note!("{why}; this tone is not taken"),

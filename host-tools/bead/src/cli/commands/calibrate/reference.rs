@@ -15,8 +15,8 @@ use crate::cli::commands::prelude::*;
 
 /// Relative standard uncertainty of k/m where the settings state none: 0.05 % of the gain at 160 Hz.
 const SPRINGS_U: f64 = 0.05;
-/// Frequencies of a simulated shaker, Hz: of a closed bead, and of an open accelerometer. The first ones are
-/// that of the gain.
+/// Frequencies of a simulated shaker, Hz: of a closed bead, and of an open accelerometer. The gain's own
+/// frequency precedes these.
 const CLOSED: [f64; 3] = [80.0, 250.0, 400.0];
 const OPEN: [f64; 7] = [50.0, 80.0, 315.0, 630.0, 1250.0, 2500.0, 5000.0];
 /// Repeats at the frequency of the gain.

@@ -10,7 +10,7 @@ use crate::cli::commands::calibrate::source;
 use crate::cli::commands::prelude::*;
 use bead_model::design::Description;
 
-/// Taps that are less apart, s, are one.
+/// Taps less than this apart, s, count as one.
 const APART: f64 = 0.02;
 
 pub(super) fn run(arguments: &RingDownArguments) -> Result<(), Failure> {

@@ -21,7 +21,7 @@ use crate::cli::commands::settings_file::block;
 use crate::cli::provenance::name_of;
 use crate::cli::recordings::each_once;
 
-/// Strikes of a recording that a procedure takes at most.
+/// Greatest number of strikes of a recording that a procedure takes.
 const MOST: usize = 10_000;
 
 /// The strikes of one bead in a recording, in the order of their time.

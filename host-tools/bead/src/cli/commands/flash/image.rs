@@ -14,11 +14,11 @@ use bead_bench::image::{find_image, shown};
 pub(crate) const FLASH: Range<u32> = 0x0800_0000..0x0810_0000;
 /// Erased flash.
 const ERASED: u8 = 0xff;
-/// Bytes that a block of an image has, and at whose multiples it begins.
+/// Size of a block of an image, and alignment of its address, bytes.
 pub(crate) const BLOCK: usize = 256;
-/// Bytes at the start of an image in which its name lies: 98 vectors are before it.
+/// Bytes at the start of an image that contain its name, which is behind 98 vectors.
 const HEAD: usize = 512;
-/// Sectors in which a bead of every version keeps what came over its line.
+/// Sectors in which beads of all versions keep data received over their line.
 const STORE: [u8; 2] = [10, 11];
 
 /// Start and length of a sector (RM0090 table 5).
@@ -33,7 +33,7 @@ pub(crate) fn sector(number: u8) -> Range<u32> {
     start..start + length * K
 }
 
-/// Start of the sector that an address of flash lies in.
+/// Start of the sector that contains an address of flash.
 fn sector_of(address: u32) -> u32 {
     let sectors = (0..12).map(sector);
     let found = sectors.rev().find(|sector| sector.start <= address);
@@ -49,12 +49,12 @@ pub(crate) struct ImageName {
 }
 
 impl ImageName {
-    /// Mark at the begin of an image's name (`firmware/build.rs`), and the byte after its end.
+    /// Mark at the beginning of an image's name (`firmware/build.rs`), and the byte after its end.
     const MARK: &[u8] = b"bead-image:";
     const END: u8 = b';';
 
-    /// Reads the name of the image in a part's flash. Images begin at a sector's start, and the name lies
-    /// behind their vectors. `read` fills bytes from an address.
+    /// Reads the name of the image in a part's flash. Images begin at a sector's start, and the name
+    /// follows their vectors. `read` fills bytes from an address.
     pub(crate) fn read(
         mut read: impl FnMut(u32, &mut [u8]) -> Result<(), Failure>,
     ) -> Result<Option<Self>, Failure> {
@@ -109,7 +109,7 @@ pub(crate) struct FlashImage {
     pub(crate) name: ImageName,
     /// Start of the sector that has the name.
     pub(crate) start: u32,
-    /// Blocks of flash by their addresses; what the image leaves open is erased flash.
+    /// Blocks of flash by their addresses. Gaps of the image are filled with erased flash.
     pub(crate) blocks: Vec<(u32, [u8; BLOCK])>,
 }
 
@@ -117,7 +117,7 @@ impl FlashImage {
     /// Reads the image that was named, or the one for a board, or the one that emulation takes.
     ///
     /// # Errors
-    /// It is no image of a bead, is for another board, or covers what the bead keeps.
+    /// The file is no image of a bead, is for another board, or covers what the bead keeps.
     pub(crate) fn find(given: Option<&Path>, board: Option<&str>) -> Result<Self, Failure> {
         let path = match (given, board) {
             (Some(path), _) => path.to_owned(),
@@ -215,7 +215,7 @@ type Segment<'a> = (u32, &'a [u8]);
 /// The bytes that a programmer puts into flash.
 ///
 /// # Errors
-/// The address of bytes that are not there, or not for flash.
+/// The address of bytes that are missing from the file or not for flash, and the reason.
 fn loaded<'a>(elf: &ElfFile32<'a>, bytes: &'a [u8]) -> Result<Vec<Segment<'a>>, (u32, &'static str)> {
     let endian = elf.endian();
     let headers = elf.elf_program_headers().iter();
@@ -234,7 +234,7 @@ fn loaded<'a>(elf: &ElfFile32<'a>, bytes: &'a [u8]) -> Result<Vec<Segment<'a>>, 
 }
 
 /// The image for a board: as `cargo xtask build BOARD` leaves it in the target directory that holds this
-/// program or lies above the working directory, or as a release has it beside this program.
+/// program or is above the working directory, or as a release has it beside this program.
 fn built_for(board: &str) -> Result<PathBuf, Failure> {
     let program = std::env::current_exe().unwrap_or_default();
     let here = std::env::current_dir().unwrap_or_default();

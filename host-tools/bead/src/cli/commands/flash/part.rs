@@ -5,7 +5,7 @@ use crate::cli::commands::prelude::*;
 /// The device number of an STM32F405, and of F407, F415 and F417, which differ in what a bead does not use.
 const PART: u16 = 0x413;
 
-/// Gives the part's number, if it is the right one.
+/// Returns the part's number, or a failure if it is another part's.
 pub(crate) fn check(part: u16) -> Result<u16, Failure> {
     if part == PART {
         return Ok(part);

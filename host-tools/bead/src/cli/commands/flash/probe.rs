@@ -156,8 +156,8 @@ fn read_flash(probe: &ProbeRs, address: u32, bytes: &mut [u8]) -> Result<(), Fai
 
 /// Sets the brown-out level to 3, and nothing else; returns what the part then has.
 fn set_brown_out_reset(probe: &ProbeRs, found: Option<OptionBytes>) -> Result<Option<OptionBytes>, Failure> {
-    // A wrong bit may lock the part for ever, so it has to read the same twice. In a dry run, those of a
-    // new part.
+    // A wrong bit may lock the part for ever, so the option bytes have to read the same twice. A dry run
+    // uses those of a new part.
     let again = read_options(probe)?;
     if again != found {
         bail!(

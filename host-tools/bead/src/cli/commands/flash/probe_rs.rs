@@ -106,7 +106,7 @@ impl ProbeRs {
         let image = image.to_string_lossy();
         let how = ["--binary-format", "elf", "--disable-progressbars", &image];
         self.run("download", &[&["--verify"], &how[..]].concat())?;
-        // It ends with status 0 whatever it finds.
+        // `verify` ends with status 0 whatever it finds.
         match self.run("verify", &how)? {
             Some(said) if !said.contains("Verification successful") => bail!(
                 Device,
@@ -166,7 +166,7 @@ fn serial_of(selector: &str) -> &str {
 fn run(words: &[String]) -> Result<String, Failure> {
     let mut command = Command::new("probe-rs");
     command.args(words).stdin(Stdio::null());
-    // With it, all would seem to succeed.
+    // With this variable set, every command would seem to succeed.
     command.env_remove("PROBE_RS_DRY_RUN");
     let output = command.output().map_err(|error| match error.kind() {
         std::io::ErrorKind::NotFound => failure!(

@@ -1,10 +1,10 @@
 //! `bead flash --rom`: the image over the serial line, with the loader that ST has put into the part.
 //!
 //! # Design
-//! The loader has no way back, so the order of the work is the safety: part and image are looked at before
-//! anything is erased; the sectors are erased upwards, and written downwards. The first block has the vectors
-//! that the core starts from. It is erased first and written last, so that a part whose line was cut starts
-//! nothing rather than half an image, and waits for the loader again.
+//! The loader cannot undo anything, so safety rests on the order of the work: part and image are checked
+//! before anything is erased; the sectors are erased upwards, and written downwards. The first block has
+//! the vectors that the core starts from. It is erased first and written last, so that a part whose line
+//! was cut starts nothing rather than half an image, and waits for the loader again.
 //!
 //! At the end the loader is told to start four instructions in RAM, which reset the part. An image that the
 //! loader starts itself would meet the clocks and the peripherals that the loader has set up.
@@ -19,7 +19,7 @@ use bead_line::rom_loader::RomLoader;
 
 /// Fastest rate of the loader, bits a second.
 const FASTEST: u32 = 115_200;
-/// Where the code that resets the part lies in RAM: well beyond the first 12 KiB, which the loader needs
+/// Address in RAM of the code that resets the part: well beyond the first 12 KiB, which the loader needs
 /// (AN2606).
 const RAM: u32 = 0x2001_0000;
 

@@ -52,7 +52,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let settings = derived(&reference_description())?;
     let progress = output::progress(arguments.beads.into());
     let one = |number: u32| -> Result<Vec<Deviation>, String> {
-        // Seeds that lie side by side share no stream of chance.
+        // Neighbouring seeds share no random numbers.
         let seed = arguments.seed.wrapping_mul(1_000_003).wrapping_add(number.into());
         let mut found = drop_test(&settings, seed, arguments.repeats as usize)?;
         found.extend(taps(&settings, seed, arguments.repeats)?);

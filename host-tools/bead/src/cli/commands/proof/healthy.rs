@@ -1,4 +1,4 @@
-//! Healthy strikes at beads of ten kinds, alone and in rows of ten: no doubt may be flagged.
+//! Healthy strikes at beads of ten kinds, single and in rows of ten: no doubt may be flagged.
 
 use bead_model::design::{Bead, Uncertainty};
 use bead_wire::StrikeFlags;
@@ -24,7 +24,7 @@ pub(super) const KINDS: [(SphereMaterial, f64); 10] = [
     (SphereMaterial::Abs, 0.02),
     (SphereMaterial::Bakelite, 0.038),
 ];
-/// Velocities of the striker, m/s, at a bead alone.
+/// Velocities of the striker, m/s, at a single bead.
 const VELOCITIES: [f64; 10] = [0.05, 0.075, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.45];
 /// Velocity of the striker of a row, m/s.
 const ROW_VELOCITY: f64 = 0.3;
@@ -32,7 +32,7 @@ const ROW_VELOCITY: f64 = 0.3;
 const ROW: std::ops::RangeInclusive<usize> = 7..=16;
 /// Beads of the chain with a row, and its duration in the paper's time, s.
 const ROW_CHAIN: (usize, f64) = (30, 0.009);
-/// Place of a bead alone.
+/// Place of a single bead.
 const ALONE: usize = 8;
 /// Quiet before the first strike, and time from strike to strike, s.
 const LEAD_IN: f64 = 0.01;
@@ -80,7 +80,7 @@ impl HealthyKind {
     }
 }
 
-/// Strikes a kind alone, or a row of ten of it, `strikes` times at each velocity or bead. The noise is that
+/// Strikes one bead of a kind, or a row of ten, `strikes` times at each velocity or bead. The noise is that
 /// of `seed`.
 pub(super) fn strike(
     (material, diameter_m): (SphereMaterial, f64),

@@ -64,7 +64,7 @@ pub(super) struct Prepared<'a> {
 }
 
 impl ProofOptions {
-    /// Finds the image, reads the scenario, and looks whether the table can be written.
+    /// Finds the image, reads the scenario, and checks that the table can be written.
     pub(super) fn prepare(&self) -> Result<Prepared<'_>, Failure> {
         let image = find_image(self.firmware.as_deref())?;
         let inputs: [&Path; 2] = [&self.scenario, &image];
@@ -152,7 +152,7 @@ pub(super) struct StrikePeaks {
 }
 
 impl StrikePeaks {
-    /// Those of a simulated strike at `bead`.
+    /// The peaks of a simulated strike at `bead`.
     pub(super) fn of(scenario: &Scenario, solution: &Solution, bead: usize) -> Result<Self, Failure> {
         let intruders = solution.summary().intruders;
         let intruder = intruders.iter().find(|intruder| intruder.bead == bead);

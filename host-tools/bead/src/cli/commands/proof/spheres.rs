@@ -1,9 +1,9 @@
 //! `bead proof spheres`: the error of the image's two estimates over materials and diameters of spheres.
 //!
 //! # Design
-//! Each cell is a chain of other spheres. The intruder is the scenario's own in
-//! units of the sphere: the same part of its mass, if no other is asked for, and the same frequency and
-//! damping in units of the time of its wave.
+//! Each cell is a chain of other spheres. The intruder is the scenario's own in units of the sphere: the
+//! same part of its mass, unless another is asked for, and the same frequency and damping in units of the
+//! time of its wave.
 
 use std::f64::consts::PI;
 
@@ -165,7 +165,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     prepared.tabulate(&points, cell, PAGE, HEADINGS, row).map(drop)
 }
 
-/// Materials and diameters, each of which can be run: one that cannot would lose the results of all others.
+/// Materials and diameters, all of which can be run: a single one that cannot would lose the results of the
+/// others.
 fn points(
     arguments: &Arguments,
     scenario: &Scenario,
@@ -235,7 +236,7 @@ fn cell(
     let peaks = StrikePeaks::of(&scenario, &solution, prepared.common.bead)?;
     let outcome = match prepared.measure(&scenario, &solution, &filled(&peaks), arguments.strikes) {
         Ok(errors) => SphereOutcome::Measured(Measured { peaks, errors }),
-        // The table says which spheres are refused.
+        // The table names refused spheres, so they are no error.
         Err(BenchError::Unfit(why) | BenchError::Compare(CompareError::Unfit(why))) => {
             SphereOutcome::Refused(why)
         }

@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// Σ weights[s] c[s]^k, where c is where the stages lie.
+/// Σ weights[s] c[s]^k, where c are the times of the stages.
 fn moment(weights: impl Fn(usize) -> f64, k: i32) -> f64 {
     let parts = (0..STAGES).map(|stage| weights(stage) * NODES[stage].powi(k));
     parts.sum()

@@ -9,7 +9,7 @@ use crate::solver::testing::{hosting, plain};
 /// Speed that may be left out, over the scale of speeds.
 const TOLERANCE: f64 = 1e-6;
 
-/// 31 beads of the paper and a wall; some beads are lighter. All are at rest, and all blocks sleep since 1 s.
+/// 31 beads of the paper and a wall; some beads are lighter. All are at rest, all blocks asleep since 1 s.
 fn asleep(light: &[usize], host: Option<usize>) -> (Lanes, Work, RestingBlocks) {
     let mut scenario = hosting(plain(31, 0.0, 1e-3), host);
     scenario.wall = Some(Wall::flat(Material::STEEL));
@@ -108,7 +108,7 @@ fn sleeping_bodies_meet_when_their_gap_is_flown_through() {
 fn a_sleeping_neighbour_drifts_on_until_bodies_of_both_blocks_meet() {
     let (lanes, mut work, mut rest) = asleep(&[], None);
     let lane = first(2);
-    // Both blocks next to each other fly apart inside, and beads 15 and 16 towards each other since 1 s.
+    // Since 1 s: inside both blocks all beads are apart, and beads 15 and 16 fly towards each other.
     for other in 0..lanes.len() {
         work.start.u[other] = other as f64;
     }
@@ -121,7 +121,7 @@ fn a_sleeping_neighbour_drifts_on_until_bodies_of_both_blocks_meet() {
     same(rest.meeting(&lanes, &mut work, 2, 3.0), meets);
     same(work.start.u[lane - 1], lane as f64 - 1.0 + 0.1);
     assert_eq!(rest.meeting(&lanes, &mut work, 0, 3.0), f64::INFINITY);
-    // One that is awake is looked at with each step.
+    // A block that is awake is checked in each step instead.
     rest.asleep[1] = None;
     assert_eq!(rest.meeting(&lanes, &mut work, 2, 3.0), f64::INFINITY);
     rest.asleep[1] = Some(3.0);
@@ -142,7 +142,7 @@ fn a_block_may_sleep_whose_contacts_and_intruder_are_quiet_or_open_for_long() {
         rest.may_sleep(&lanes, &work, 1, 1e-5)
     };
     assert!(may(&[]));
-    // In touch: as slow as that, and as deep.
+    // In touch: up to the speed and the depth that are neglected.
     assert!(may(&[(lane, 0.0, 0.99 * quiet)]) && !may(&[(lane, 0.0, 1.01 * quiet)]));
     assert!(may(&[(lane, 0.99 * shallow, 0.0)]) && !may(&[(lane, 1.01 * shallow, 0.0)]));
     // Apart: not closed within a dozen steps of 10 µs. A bead comes back at 0.1 m/s.
@@ -176,18 +176,18 @@ fn a_contact_that_a_step_closes_with_a_sleeping_block_is_noticed_on_either_side(
             work.start.u[sleeper] = sign * gap;
             work.start.v[sleeper] = sign * flight / h;
             work.end.u[mover] = sign * way;
-            // The end of an earlier step says nothing of the sleeper.
+            // The end of an earlier step must not count for the sleeper.
             work.end.u[sleeper] = -sign;
             rest.closes(&lanes, &work, 1, behind, h)
         };
         assert!(closes(1e-6, 1.1e-6, 0.0) && closes(1e-6, 1e-6, 0.0) && !closes(1e-6, 0.9e-6, 0.0));
         assert!(!closes(1e-6, 1.1e-6, 0.2e-6) && closes(1e-6, 0.9e-6, -0.2e-6));
-        // It was closed before, or touches already; or it closes as slowly as may be left out.
+        // It was closed before, or touches already; or it closes too slowly to matter.
         assert!(!closes(-1e-6, 1e-6, 0.0) && !closes(0.0, 1e-6, 0.0));
         let way = h * quiet;
         assert!(!closes(0.9 * way, 0.99 * way, 0.0) && closes(0.9 * way, 1.01 * way, 0.0));
     }
-    // One that is awake is computed.
+    // A block that is awake is computed anyway.
     let mut work = Work::new(&lanes);
     (work.start.u[first(1)], work.end.u[first(1) - 1]) = (1e-6, 2e-6);
     assert!(rest.closes(&lanes, &work, 1, true, h));
@@ -218,7 +218,7 @@ fn a_run_reaches_a_sleeping_block_by_a_gap_that_soon_closes_or_by_what_moves_at_
         assert!(!reaches(0.1 * h * 0.1, &[(mover, 0.2), (sleeper, 0.3)]));
         let slow = |speed: f64| reaches(0.5 * h * quiet, &[(mover, speed)]);
         assert!(!slow(0.9 * quiet) && slow(1.1 * quiet));
-        // In touch: as deep as that, or one of the three beads next to the block as quick as that.
+        // In touch: too deep to be neglected, or one of the three beads next to the block too quick.
         assert!(!reaches(-3.9 * shallow, &[]) && reaches(-4.1 * shallow, &[]));
         for away in 0..=WATCHED {
             let lane = if behind { mover - away } else { mover + away };
