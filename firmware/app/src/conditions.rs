@@ -3,9 +3,9 @@
 //! # Design
 //! A separate converter does it ([`Device::convert`]), so that no scan is lost. Each block reads the
 //! conversion that the block before started, so nothing waits for one. [`PAIRS`] conversions of the reference
-//! voltage and of the temperature sensor, in turn, make a measurement, in 34 ms. It begins every [`EVERY`]
-//! blocks. It pauses while a strike is measured, since the other converter shares the supply, unless that
-//! lasts for [`LATEST`] blocks.
+//! voltage and of the temperature sensor, in turn, make a measurement, in 34 ms. The next one begins
+//! [`EVERY`] blocks after its end. It pauses while a strike is measured, since the other converter shares the
+//! supply, unless that lasts for [`LATEST`] blocks.
 
 use bead_wire::{Conditions, Temperature, Voltage};
 
@@ -14,7 +14,7 @@ use crate::device::{Device, FactoryCodes, InternalChannel};
 /// Conversions of each channel in a measurement. Their mean has a third of the noise of one.
 const PAIRS: u32 = 8;
 const CHANNELS: [InternalChannel; 2] = [InternalChannel::Reference, InternalChannel::Temperature];
-/// Blocks from one measurement to the next: 100 ms.
+/// Blocks from the end of a measurement to the start of the next: 100 ms.
 const EVERY: u32 = 50;
 /// Blocks without a measurement after which strikes no longer delay one: 8 s.
 const LATEST: u32 = 4000;
@@ -29,7 +29,7 @@ pub(crate) struct ConditionsMeter {
     sums: [u32; 2],
     /// Conversions that are read. The measurement is complete at twice [`PAIRS`].
     read: u32,
-    /// Blocks since the begin of the last measurement that is complete, or [`LATEST`] before the first.
+    /// Blocks since the end of the last complete measurement, or [`LATEST`] before the first.
     age: u32,
     is_converting: bool,
 }
@@ -77,7 +77,7 @@ impl ConditionsMeter {
 }
 
 /// The conditions by the sums of this many codes of each channel. The reference voltage is constant, so its
-/// code falls with the supply; the temperature sensor is compared at the supply of the factory.
+/// code rises as the supply falls; the temperature sensor is compared at the supply of the factory.
 fn conditions(factory: &FactoryCodes, sums: [u32; 2], count: u32) -> Option<Conditions> {
     let [reference, temperature] = sums.map(|sum| sum as f32 / count as f32);
     let ratio = f32::from(factory.reference) / reference;

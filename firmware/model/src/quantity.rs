@@ -226,7 +226,7 @@ mod tests {
             .filter_map(|number| i32::try_from(number).ok())
     }
 
-    /// Checks each sum with each scale and each power that `Settings::bounds` allows: the result is the exact
+    /// Checks each sum with each scale and each power that settings may have: the result is the exact
     /// energy, or the greatest.
     fn energies<const FRACTION: u32, F: LeEqU32>() {
         let dense = if cfg!(miri) { 7 } else { 1 };

@@ -280,7 +280,7 @@ impl ReducedChain {
             );
             *predicted = -springs;
             let measured = gated(gate, &mut silent, measured);
-            // `Settings::bounds` leaves room for these powers.
+            // The bounds of settings leave room for these powers.
             let [measured, pushed, pulled] = if SCALED {
                 [
                     measured << powers.incoming,

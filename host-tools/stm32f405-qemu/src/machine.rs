@@ -435,7 +435,7 @@ impl Machine {
         self.settle(board);
     }
 
-    /// The processor goes to sleep. If the sleep is a deep one, the part does.
+    /// Puts the part into deep sleep, with the processor.
     pub fn sleep(&mut self, now: u64, board: &mut impl Exterior) {
         self.play(now, board);
         self.chip.sleep(now);

@@ -7,7 +7,7 @@
 //! ends the run.
 //!
 //! The processor's thread also passes the time in which the processor waits, while the main thread rests: see
-//! `rest`.
+//! `idle`.
 //!
 //! QEMU's big lock is held in every callback that reaches the overlay, so one call ends before the next
 //! begins.

@@ -135,8 +135,8 @@ impl std::fmt::Display for Size {
     }
 }
 
-/// Builds it anew if there is one. `bead` takes an image that is there, which has to be the one of these
-/// sources; for one that is not there it waits.
+/// Builds the image anew if there is one: `bead` takes an image that it finds, which must be that of these
+/// sources. It builds a missing image itself.
 pub(crate) fn build_if_there_is_one(steps: &Steps) -> Result<(), Stop> {
     if steps.root.join(path(steps)).exists() {
         return build(steps);

@@ -12,7 +12,7 @@ fn count_at(index: u64) -> u32 {
 }
 
 /// Scans after the first of two strikes at which the bead lets the line fall; the second comes `apart` scans
-/// later. Both begin `quiet` scans later than a block does.
+/// later. Both begin `offset` scans after the start of a block.
 fn falls(offset: u64, apart: u64) -> Vec<u64> {
     let mut bead = TestBead::with(|bead| bead.capture.length = bead.capture.history + 40e-5);
     let first = 1001 + offset;

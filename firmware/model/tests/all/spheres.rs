@@ -137,7 +137,7 @@ fn spheres_from_5_to_40_mm_are_measured_where_their_pulse_allows_it() {
                 let bound_a = f64::max(0.14 * (3.9 / width).powi(2), 0.05);
                 let mut bound_b = f64::max(1.7 * steps, 0.5);
                 if relaxation > 0.05 * bead.pulse_width(1.0) {
-                    // Viscosity spreads the wave over more than the five beads behind the host.
+                    // Viscosity spreads the wave over more than the six beads behind the host.
                     bound_b = bound_b.max(1.5);
                 }
                 let (a, b, flags) = found.unwrap_or_else(|error| panic!("{what}: {error}"));

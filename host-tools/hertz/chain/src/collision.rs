@@ -70,9 +70,9 @@ impl Collision {
         relaxation * (self.stiffness / self.reduced_mass()).powf(0.4) * self.speed.powf(0.2)
     }
 
-    /// Coefficient of restitution for a relaxation time τ in s: 1 - 1.73017 α + 1.79610 α² - 1.76473 α³
-    /// + 1.76551 α⁴. Kuwabara and Kono's force acts until the overlap is gone. The error is 1.8 α⁵;
-    /// keep α below 0.2.
+    /// Coefficient of restitution for a relaxation time τ in s:
+    /// `1 - 1.73017 α + 1.79610 α² - 1.76473 α³ + 1.76551 α⁴`. Kuwabara and Kono's force acts until the
+    /// overlap is gone. The error is 1.8 α⁵; keep α below 0.2.
     pub fn restitution(&self, relaxation: f64) -> f64 {
         let x = -1.5 * self.viscosity(relaxation);
         1.0 + x * RESTITUTION.iter().rev().fold(0.0, |sum, c| sum * x + c)

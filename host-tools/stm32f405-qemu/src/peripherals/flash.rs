@@ -125,7 +125,7 @@ impl FlashController {
         self.cuts.push((after, percent));
     }
 
-    /// Returns `true` if an operation is under way: flash cannot be read meanwhile.
+    /// Returns `true` if an operation is under way: its bank cannot be read meanwhile.
     pub(crate) fn busy(&self) -> bool {
         self.running.is_some()
     }

@@ -25,7 +25,7 @@ const ALRAIE: u32 = 1 << 12;
 const WUTIE: u32 = 1 << 14;
 const ADD1H: u32 = 1 << 16;
 const SUB1H: u32 = 1 << 17;
-/// Of CR: FMT, prescalers and BYPSHAD aside, bits that keep what is written.
+/// Bits of CR that keep what is written.
 const CR_BITS: u32 = 0x00fc_ffff;
 
 const ALRAWF: u32 = 1 << 0;

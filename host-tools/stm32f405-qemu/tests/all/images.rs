@@ -110,8 +110,8 @@ fn an_image_on_embassys_default_time_driver_comes_through_and_sleeps_in_wfe() {
     assert_eq!(lines(&outcome), ["50 ms for 5 times 10 ms"]);
     assert!(matches!(outcome.end, RunEnd::Breakpoint(_)), "{:?}", outcome.end);
     assert!(!outcome.unmodelled.iter().any(|what| what.contains("WFE")));
-    // The pin goes high at first, and then toggles every 10 ms, by a clock of 32 768 Hz with ticks 31 us
-    // apart.
+    // The pin goes high at first, and then toggles every 10 ms, by a clock of 32 768 Hz with ticks
+    // 30.5 us apart.
     assert_eq!(outcome.pins.len(), 1);
     let light = &outcome.pins[0];
     assert_eq!(light.edges, 1 + 5);
@@ -180,7 +180,7 @@ fn the_advanced_timer_a_capture_over_a_wire_and_the_other_converters_work_as_emb
     let outcome = passed(&run);
     let lines = lines(&outcome);
     assert_eq!(lines[0], "a period of 1600 clocks");
-    // By a clock of 32 768 Hz, with ticks 30 us apart.
+    // By a clock of 32 768 Hz, with ticks 30.5 us apart.
     let apart: u32 = lines[1].split(' ').next().unwrap().parse().unwrap();
     assert!(apart.abs_diff(20_000) <= 70, "{apart}");
     assert_eq!(lines[2], "ADC2 reads 444 at PC4");

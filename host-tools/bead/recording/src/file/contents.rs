@@ -270,7 +270,7 @@ impl Runs {
         ready.extend(self.held.drain(..).map(|(log_time, bytes)| Piece {
             bead,
             bytes,
-            // ns since 1970 reach the year 2262 as i64, and no clock shows a later time.
+            // Half of the greatest i64 is the year 2116. No clock shows a later time.
             received_ns: log_time.filter(|ns| are_received && *ns < i64::MAX as u64 / 2),
         }));
     }

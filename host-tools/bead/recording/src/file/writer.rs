@@ -232,8 +232,9 @@ impl RecordingWriter {
 
     /// Completes the file when it is older than `after`, or when its index, which is in memory until the file
     /// is complete, takes 64 MB. The recording continues in another file, which will have the next free name:
-    /// `NAME-2.mcap` and so on. Each byte is in one of them; counters continue. The split waits up to ten
-    /// seconds for a moment when no bead is sending a strike. Attached parts stay where they are.
+    /// `NAME-2.mcap` and so on. Each byte is in one of them; counters continue. The split waits for a moment
+    /// when no bead is sending a strike, but not once the file is ten seconds older than `after`. Attached
+    /// parts stay where they are.
     ///
     /// # Errors
     /// A file cannot be written.

@@ -27,7 +27,7 @@ Examples:
   bead export monday/*.mcap --out monday/tables --format csv
   bead export run/bead-8.mcap --out tables --format uff";
 
-/// ExportForm of the exported files.
+/// Form of the exported files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
 enum ExportForm {
     /// `strikes.parquet` and `samples.parquet`.

@@ -14,8 +14,8 @@ fn with(options: &Options<'_>) -> Solution {
     simulate_with(&paper(), options).expect("the scenario runs")
 }
 
-/// Worst distance of forces (in parts of the greatest at the last contact) and of energies (in parts of the
-/// striker's), at times where no step ends.
+/// Greatest differences of forces and of energies, at times where no step ends: as a part of the weakest
+/// contact's peak, and of the striker's energy.
 fn distance(one: &Solution, other: &Solution) -> (f64, f64) {
     let summary = other.summary();
     let forces = summary.peak_force.iter().map(|peak| peak.force);

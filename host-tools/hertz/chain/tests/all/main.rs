@@ -1,4 +1,4 @@
-//! Tests of the simulator, one program: sixteen would compile the solver sixteen times.
+//! Tests of the simulator, one program: separate ones would each compile the solver.
 
 mod accuracy;
 mod any_scenario;
