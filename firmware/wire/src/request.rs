@@ -63,8 +63,8 @@ requests! {
     73 "reset counters" ResetCounters,
     /// Reply, send the frames that wait, and reset the bead.
     74 "reboot" Reboot,
-    /// Keep this key: from now on the bead does what changes its state only if it is signed. A bead that has
-    /// a key takes another one only in a signed request.
+    /// Keep this key: from now on the bead carries out a request that changes its state only if it is signed.
+    /// A bead with a key takes another one only in a signed request.
     75 "set key" SetKey {
         /// The key, or zeros for none; masked in a signed request.
         key: [u8; 16],

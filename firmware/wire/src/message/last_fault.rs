@@ -2,15 +2,15 @@ use crate::body::body;
 use crate::message::fault::{Detail, FaultCause};
 
 body! {
-    /// The last fault that ended a boot. It comes with each identity frame, if there was one since power-up:
-    /// a host that was not there when it was told learns of it too.
+    /// The last fault that ended a boot. If there was one since power-up, it follows each identity frame, so
+    /// that a host that connects later learns of it too.
     pub struct LastFault {
-        /// Number of boots since power-up that ended in a fault. What a host did not hear of is the
-        /// difference between two such numbers.
+        /// Number of boots since power-up that ended in a fault. A host has missed one if the difference
+        /// between two such numbers is above 1.
         pub faults: u32,
         /// Cause of the fault.
         pub cause: FaultCause,
-        /// The boot in which it went wrong.
+        /// The boot that it ended.
         pub boot: u32,
         /// Program counter when it went wrong; 0 where it has no meaning.
         pub pc: u32,

@@ -81,21 +81,21 @@ bits! {
         /// A sensor or the supply was at fault at the end of the window; `standing` of the health frame says
         /// which.
         14 "sensor_fault" SENSOR_FAULT,
-        /// The acceleration that the reduced chain predicts from the force is not the one that was measured,
-        /// by more than noise, the chain's own error and the stated uncertainties explain: spring, damper, a
-        /// mass, a contact or a gain is not what the settings say. No flag is set that says so more exactly.
+        /// The acceleration that the reduced chain predicts from the force differs from the measured one by
+        /// more than noise, the chain's own error and the stated uncertainties explain: spring, damper, a
+        /// mass, a contact or a gain is not what the settings say. It is set only if no flag names the cause.
         15 "model_differs" MODEL_DIFFERS,
         /// A sensor reached its own end, as the settings state it, before the converter reached a rail.
         16 "sensor_end" SENSOR_END,
         /// The intruder was not at rest before the strike, or the quiet was louder than the settings say.
         17 "not_at_rest" NOT_AT_REST,
         /// Over the strikes so far, k, c, a gain or the ratio of both energies is off the settings by more
-        /// than three standard errors. A bead does not set it: `bead replay` tells it, of the strikes of a
+        /// than three standard errors. A bead does not set it; `bead replay` does, from the strikes of a
         /// recording.
         18 "drifting" DRIFTING,
-        /// The predicted acceleration is the measured one until an echo from behind the sixth bead behind can
-        /// be back, and no longer by the end of the window: the later waves of a train, or echoes, are not
-        /// what the reduced chain knows. Estimate B is off, by up to 6 %; estimate A is not.
+        /// The predicted acceleration agrees with the measured one until an echo from beyond the sixth bead
+        /// behind can have returned, but not at the end of the window: later waves of a train, or echoes, are
+        /// not in the reduced chain. Estimate B is off, by up to 6 %; estimate A is not.
         19 "wave_train" WAVE_TRAIN,
         /// On a bench, the bead's own outputs were on within the window: nothing struck it.
         20 "played" PLAYED,

@@ -16,8 +16,8 @@ const GOALS: [f64; 2] = [5e-3, 1e-2];
 pub struct EstimateErrors {
     /// Strikes that were measured.
     pub strikes: usize,
-    /// Root mean square over the strikes, A and B, as a part of the truth. NaN without a strike, as is the
-    /// worst: null in JSON.
+    /// Root mean square over the strikes, A and B, as a part of the truth. Without a strike, this and the
+    /// worst are NaN: null in JSON.
     #[schemars(with = "[Option<f64>; 2]")]
     pub rms: [f64; 2],
     /// The greatest error, with its sign.

@@ -182,7 +182,7 @@ pub struct Coverage {
     pub covered: f64,
     /// Mean of (truth - result) / u: 0 within its standard error if the uncertainties are right.
     pub mean: f64,
-    /// Standard deviation of it: 1 if they are right.
+    /// Standard deviation of (truth - result) / u: 1 if the uncertainties are right.
     pub scatter: f64,
     /// Probability of ranks that are this uneven or more, if they are uniform (chi-squared).
     pub probability: f64,

@@ -30,9 +30,9 @@ pub enum PlannedKind {
     AdcOverrun,
     /// The DMA stream of the converter meets a bus error.
     AdcDmaError,
-    /// The force code stays what it is.
+    /// The force code no longer changes.
     ForceStuck,
-    /// The acceleration code stays what it is.
+    /// The acceleration code no longer changes.
     AccelerationStuck,
     /// The force code lies at its upper rail.
     ForceRailed,
@@ -42,7 +42,7 @@ pub enum PlannedKind {
     Supply,
     /// No byte leaves the bead's port.
     UartStall,
-    /// An interrupt that has no handler: the image's own code panics.
+    /// An interrupt without a handler: the image's own code panics.
     Panic,
     /// A jump out of memory.
     HardFault,

@@ -183,7 +183,7 @@ pub struct IdentificationCoverage {
     pub covered: f64,
     /// Mean of (truth − value) in standard errors.
     pub mean: f64,
-    /// Standard deviation of it.
+    /// Standard deviation of (truth − value) in standard errors.
     pub scatter: f64,
     /// Probability of ranks that are this uneven or more, if they are uniform (chi-squared).
     pub probability: f64,

@@ -61,9 +61,9 @@ pub struct Drift {
 /// A mean over strikes, as a part by which the bead is above its settings.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct DriftMean {
-    /// The quantity of which it is the mean.
+    /// The quantity.
     pub quantity: &'static str,
-    /// Strikes that tell it.
+    /// Strikes in the mean.
     pub strikes: u32,
     /// The mean.
     pub mean: f64,

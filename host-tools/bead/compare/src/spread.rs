@@ -28,10 +28,10 @@ pub struct Spread {
     pub strikes: usize,
     /// Mean of the deviations.
     pub mean: f64,
-    /// The true mean lies within this much of it in 19 cases of 20: by the scatter, or, of a strike alone, by
-    /// the noise before it; none if neither is known.
+    /// The true mean is within this distance of `mean` in 19 cases of 20: by the scatter, or, for a single
+    /// strike, by the noise before it; none if neither is known.
     pub uncertainty: Option<f64>,
-    /// Root mean square of the deviations about their mean; none for a strike alone.
+    /// Root mean square of the deviations about their mean; none for a single strike.
     pub scatter: Option<f64>,
     /// The true scatter is above this in 39 cases of 40.
     pub scatter_at_least: Option<f64>,

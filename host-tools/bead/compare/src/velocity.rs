@@ -31,7 +31,7 @@ const MET: f64 = 1e-6;
 /// Greatest distance of a strike's force from the median, as a part of it. Beyond are echoes or other blows.
 const OTHERS: f64 = 0.25;
 
-/// The striker's velocity as the recorded forces tell it.
+/// The striker's velocity, by the recorded forces.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct FittedVelocity {
     /// m/s.

@@ -17,7 +17,7 @@ pub enum Quantity {
     RingFrequency,
     /// Part by which the force reads higher at the low gain than at the high one.
     ForceGains,
-    /// That of the acceleration.
+    /// Part by which the acceleration reads higher at the low gain than at the high one.
     AccelerationGains,
     /// Drift of the bead's clock against the host's, ppm.
     Clock,

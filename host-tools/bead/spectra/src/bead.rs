@@ -103,16 +103,16 @@ pub struct BeadSpectrum {
     pub highest_hz: f64,
     /// Relative standard uncertainty of the scale; null if unknown.
     pub gain_uncertainty: Option<f64>,
-    /// Standard uncertainty of the zero of the acceleration, m/s², the greatest of the strikes. A zero that
-    /// is off by it raises an absolute acceleration by up to twice as much.
+    /// Greatest standard uncertainty of the strikes' zero of the acceleration, m/s². An error of this size
+    /// raises an absolute acceleration by up to twice as much.
     pub zero_uncertainty_mps2: f64,
     /// Unit of the values.
     pub unit: &'static str,
     /// By frequency.
     pub points: Points,
-    /// The strikes that it is of.
+    /// The strikes in it.
     pub strikes: Vec<UsedStrike>,
-    /// Those that it is not of.
+    /// The strikes left out.
     pub left_out: Vec<LeftOut>,
 }
 

@@ -46,8 +46,8 @@ pub(crate) struct PictureOptions {
     /// Draw a curve for each value of this column.
     #[arg(long, value_name = "COLUMN", conflicts_with = "map")]
     by: Option<String>,
-    /// Draw only points where this column has this value (the nearest that there is, which the picture
-    /// tells); may be repeated, once for each axis.
+    /// Draw only points where this column has this value, or the nearest that there is, which the picture
+    /// names; may be repeated, once for each axis.
     #[arg(long, value_name = "COLUMN=VALUE")]
     at: Vec<String>,
 }

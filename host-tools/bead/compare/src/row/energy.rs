@@ -24,17 +24,17 @@ use crate::row::strikes::BeadRow;
 /// The energy along a row, as in the JSON.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct EnergyAlong {
-    /// Energy of the wave that came to the first bead that recorded, J; none if no bead felt a strike.
+    /// Energy of the wave that reached the first bead that recorded, J; none if no bead felt a strike.
     pub incident: Option<DeviceAndChain>,
     /// The first bead that recorded.
     pub incident_at: Option<usize>,
-    /// Who says so, on the device's side: `bead`, or `simulation`.
+    /// Source of the device's value: `bead`, or `simulation`.
     pub incident_by: &'static str,
     /// After 0, 1 and all further intruders.
     pub after: Vec<After>,
-    /// The line through ln E(n), of what was measured on end.
+    /// The line through ln E(n), for hosts without a gap between them.
     pub fit: FourSides<Option<TransmissionFit>>,
-    /// Hosts between the first and the last that recorded which did not: there is no fit then.
+    /// Hosts without a recording, between the first and the last with one; if there are any, there is no fit.
     pub not_measured: Vec<usize>,
     /// Why there is no energy along the row, or why that of the wave is not the bead's own.
     #[serde(skip)]

@@ -28,7 +28,7 @@ pub(crate) struct CompareReport<'a> {
     striker_velocity: Option<FittedVelocity>,
     strikes: &'a Vec<StrikeComparison>,
     strikes_left_out: usize,
-    /// Of A, and of B.
+    /// Deviations of estimates A and B.
     spread: &'a [Spread; 2],
     frames_lost: u64,
     frames_corrupt: u64,

@@ -74,7 +74,7 @@ struct ListedRecording {
 #[derive(Serialize, JsonSchema)]
 struct ForeignFile {
     file: PathBuf,
-    /// Its kind, and advice.
+    /// Kind of the file, and advice.
     problem: String,
 }
 
