@@ -202,7 +202,7 @@ pub(crate) fn config(crystal: Option<u32>) -> Config {
     config
 }
 
-/// Lets a crystal that stops raise an NMI (RM0090 section 7.2.7).
+/// Makes a crystal that stops raise an NMI (RM0090 section 7.2.7).
 pub(crate) fn guard_crystal() {
     RCC.cr().modify(|w| w.set_csson(true));
 }

@@ -26,7 +26,7 @@ const RANGE: core::ops::Range<u32> = 0xC_0000..0x10_0000;
 /// The store of this bead.
 pub(crate) type SettingsStore = Vault<SettingsFlash>;
 
-/// The driver of the flash. It keeps the watchdog and the time right during an erase.
+/// The driver of the flash. It feeds the watchdog before an erase, and stops the time during it.
 pub(crate) struct SettingsFlash(Driver);
 
 type Driver = flash::Flash<'static, Blocking>;

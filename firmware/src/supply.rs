@@ -8,7 +8,7 @@
 //! The programmable voltage detector watches the supply between; it needs no ADC (RM0090 section 5.2.3).
 //!
 //! A supply that rises slowly passes through voltages at which the core runs but reads flash wrongly. So a
-//! start does nothing before [`wait`]. Flash is erased only after the supply has been good, and is not
+//! start does little before [`wait`]. Flash is erased only after the supply has been good, and is not
 //! written while it is low.
 
 use core::mem;
@@ -35,7 +35,7 @@ const GOOD: u32 = INTERNAL_HZ / 50;
 const PATIENCE: u32 = 5 * INTERNAL_HZ;
 
 /// Waits until the supply has been good for 20 ms, at most 5 s. Returns `true` if it has been. Called on the
-/// internal oscillator, before anything but the watchdog is started.
+/// internal oscillator, after the start of the watchdog and before the peripherals are set up.
 pub(crate) fn wait() -> bool {
     RCC.apb1enr().modify(|w| w.set_pwren(true));
     // A peripheral can be written two clocks after its own was turned on (ES0182, delay after RCC peripheral

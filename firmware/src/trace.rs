@@ -18,7 +18,7 @@ use embassy_stm32::pac::RCC;
 
 use crate::stack;
 
-/// The number of this boot. It is kept beside the record, which may be damaged when the boot ends.
+/// The number of this boot. It is kept apart from the record, which may be damaged when the boot ends.
 static BOOT: AtomicU32 = AtomicU32::new(0);
 
 const _: () = assert!(size_of::<WindowMemory<RING>>() <= 64 * 1024 - 256);
@@ -42,8 +42,8 @@ pub(crate) fn begin() -> ThisBoot {
 }
 
 /// Changes the record. Called by tasks of the lowest priority only, so no two changes meet. The critical
-/// section keeps the end of the boot from coming between two words of the write; the checksums take 20 µs
-/// and are made before it.
+/// section keeps interrupts, which may end the boot, from coming between two words of the write; the
+/// checksums take 20 µs and are made before it.
 pub(crate) fn change(change: impl FnOnce(&mut BootRecord)) {
     if let Some(mut record) = region::read().checked() {
         change(&mut record);
@@ -66,7 +66,7 @@ struct Region {
     receive: u32,
 }
 
-/// RAM does not hold this word after power-up.
+/// A word that RAM is unlikely to hold after power-up.
 const RECEIVE: u32 = u32::from_be_bytes(*b"imag");
 
 /// Makes the next start wait for an image.
@@ -126,8 +126,9 @@ mod region {
 
     #[inline(never)]
     pub(super) fn write(record: BootRecord) {
-        // SAFETY: as for `read`. Written by `begin`, before there are tasks, and by handlers that never
-        // return; nobody holds a reference. Volatile, since a boot after this one reads it.
+        // SAFETY: as for `read`. Written by `begin`, before there are tasks, by `change`, within a critical
+        // section, and by handlers that never return; nobody holds a reference. Volatile, since a boot after
+        // this one reads it.
         unsafe { (&raw mut REGION.record).write_volatile(record) }
     }
 

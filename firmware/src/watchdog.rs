@@ -4,8 +4,8 @@ use embassy_stm32::pac::IWDG;
 use embassy_stm32::pac::iwdg::vals::{Key, Pr};
 
 /// Starts the watchdog with its longest timeout: 32.8 s, and 22 s at least. A start takes less between two
-/// feedings: 5 s for the supply, 0.1 s for the crystal, then 8 s at most for an erase of two sectors, each of
-/// which feeds it.
+/// feedings: 5 s for the supply and 0.1 s for the crystal, then 8 s at most for an erase of two sectors. The
+/// watchdog is fed before each erase.
 pub(crate) fn begin() {
     IWDG.kr().write(|w| w.set_key(Key::START));
     IWDG.kr().write(|w| w.set_key(Key::ENABLE));

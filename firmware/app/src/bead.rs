@@ -46,7 +46,7 @@ pub struct BeadState<D> {
 }
 
 impl<D: Device> BeadState<D> {
-    /// Creates the state of a bead before its boot, without settings and windows.
+    /// Creates the state of a bead before its boot, without settings or windows.
     pub const fn new(device: D) -> Self {
         Self {
             device,

@@ -4,8 +4,8 @@
 //! A separate converter does it ([`Device::convert`]), so that no scan is lost. Each block reads the
 //! conversion that the block before started, so nothing waits for one. [`PAIRS`] conversions of the reference
 //! voltage and of the temperature sensor, in turn, make a measurement, in 34 ms. The next one begins
-//! [`EVERY`] blocks after its end. It pauses while a strike is measured, since the other converter shares the
-//! supply, unless that lasts for [`LATEST`] blocks.
+//! [`EVERY`] blocks after its end. It pauses while a strike is measured, since the other converter shares
+//! the supply, unless the last one is [`LATEST`] blocks old.
 
 use bead_wire::{Conditions, Temperature, Voltage};
 

@@ -33,7 +33,7 @@ pub struct Estimation<D: Device> {
 }
 
 impl<D: Device> Estimation<D> {
-    /// Creates the work with a new `meter`. The `settings` apply until others are offered.
+    /// Creates the estimation with a new `meter`. The `settings` apply until others are offered.
     pub fn new(
         bead: &'static BeadState<D>,
         settings: Settings,

@@ -118,7 +118,7 @@ impl<F: NorFlash> Updates<F> {
         done.map_err(said)
     }
 
-    /// Returns `true` if the bead waits for an image, and the last request of the update is too long ago.
+    /// Returns `true` if the bead waits for an image, and no request of the update came for [`PATIENCE`].
     pub(crate) fn is_idle<D: Device>(&self, device: &D) -> bool {
         device.update_stage() == UpdateStage::Receiving && device.now() > self.heard + PATIENCE
     }

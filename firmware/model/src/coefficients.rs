@@ -119,8 +119,8 @@ impl Exact {
 
 /// Fraction of the power of an oscillation that estimate A captures, as it takes the acceleration to be
 /// linear between samples: 0.9995 for an intruder of 5 kHz, 0.996 for one of 9 kHz. `ring` is the phase of
-/// the oscillation in a sample, rad. With `decay` = λ dt and H the transfer from a to y, it is `|1 - H|²` of
-/// the samples over that of the signal.
+/// the oscillation in a sample, rad. With `decay` = λ dt and H the transfer from a to y, the fraction is
+/// `|1 - H|²` of the samples over that of the signal.
 fn hold_power(decay: f64, ring: f64) -> f64 {
     let ring = in_range(ring);
     let lost = -libm::expm1(-decay);

@@ -4,9 +4,9 @@
 //!
 //! In a row of absorbers the beads behind the host hold intruders too, and these take energy out of the wave
 //! and give some of it back to the host. Estimate B takes them into account: each of its followers may hold
-//! an intruder, and all of these are alike. Each may have a mass and a contact of its own, too; a wall is a
-//! bead that nothing moves. The ringing of a bead in company depends on its neighbours, so it reveals a drift
-//! only where a bead is alone.
+//! an intruder, and all of these are alike. Each follower may have a mass and a contact of its own, too; a
+//! wall is a bead that nothing moves. The ringing of a bead in company depends on its neighbours, so it
+//! reveals a drift only where a bead is alone.
 
 use fixed::types::{I0F32, I2F30, I8F24};
 use serde::Serialize;

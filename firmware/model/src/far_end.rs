@@ -37,7 +37,8 @@ pub(crate) struct Onward {
     unit: f32,
     /// Samples that the viscosity of a contact takes off a delay, with [`FRACTION`] fraction bits.
     sooner: u32,
-    /// Added to every peak for a static load: a wave without it would then be as fast as one under it.
+    /// Force added to every peak for a static load: a wave on the load is about as fast as one higher by
+    /// this force without it.
     load: i32,
 }
 

@@ -273,9 +273,9 @@ impl Meter {
     ///
     /// Every scan is checked for a rise when it comes. Measuring is most of the work, and when a strike
     /// triggers, its whole history waits to be measured. To spread this work, a call measures 3 scans for
-    /// every 8 that it receives, and at least `LEAST`; slightly fewer if it has to move scans in memory or to
-    /// compute a report. The meter therefore lags behind during a window: at its end, by the history and 5/3
-    /// of the length. In calls of up to 256 scans it has room for the lag of the longest window, and no call
+    /// every 8 that it receives, and at least `LEAST`; fewer if it has to move scans in memory or to compute
+    /// a report. The meter therefore lags behind during a window: at its end, by the history and 5/3 of the
+    /// length. In calls of up to 256 scans it has room for the lag of the longest window, and no call
     /// measures more than that share. A longer call measures all that it can.
     pub fn process(
         &mut self,

@@ -63,7 +63,7 @@ pub struct ObserverState {
 }
 
 impl ObserverState {
-    /// Closes a piece of noise, with a mean square of at most `most`. More than that is a signal.
+    /// Closes a piece that has only noise, with a mean square limited to `most`: more would be a signal.
     pub(crate) fn close_noise(&mut self, most: u64) {
         let (squares, samples) = self.quiet;
         self.quiet = (squares.saturating_add(self.piece), samples + self.piece_samples);

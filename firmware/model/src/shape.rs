@@ -48,7 +48,8 @@ const RING_SIGNAL: f32 = 1000.0;
 
 /// The shape of a window, without its number and gains. A value that the window does not determine is 0.
 /// `peak` is the sample with the highest force, `ring_end` the one at which the ringing is over; `noise` is
-/// the mean square of the ringing's noise, (m/s²)²; `expected` is its frequency, Hz.
+/// the mean square of the noise in the ringing, (m/s²)²; `expected` is the approximate frequency of the
+/// ringing, Hz.
 ///
 /// Never inlined, so that its instructions can be counted by its symbol.
 #[inline(never)]

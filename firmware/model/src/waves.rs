@@ -4,7 +4,7 @@
 //!
 //! The force *rises* at a scan if its code is higher by the threshold than `lookback` scans before. A
 //! drifting offset does not matter, and a recorded window alone shows when the force rises. Every scan is
-//! checked, both in a window and after it. The time from one rise to the next is *quiet*.
+//! checked, also those in a window and after it. The time from one rise to the next is *quiet*.
 //!
 //! | a rise after a quiet of | outside of a window | in a window that has a wave |
 //! |---|---|---|
@@ -144,7 +144,7 @@ pub(crate) struct Waves {
     /// True if the newest window has a wave.
     has_wave: bool,
     newest: PlannedWindow,
-    /// Sample index by which the windows before it are measured.
+    /// Sample index by which the windows before the newest are measured.
     done: u64,
 }
 

@@ -26,8 +26,9 @@ const SIGNATURE: usize = 64;
 /// First bytes. A different layout has a different number.
 pub const NAME: &[u8; 12] = b"bead-image-1";
 
-/// The development key. It is in the repository, so its signature proves nothing. An owner who wants nobody
-/// else to update a bead builds the image with a public key of their own (`BEAD_UPDATE_KEY`).
+/// Seed of the development key. It is in the repository, so a signature with that key proves nothing. An
+/// owner who wants nobody else to update a bead builds the image with a public key of their own
+/// (`BEAD_UPDATE_KEY`).
 pub const DEVELOPMENT_SEED: [u8; 32] = *b"development key: no protection. ";
 
 /// Public part of the development key.

@@ -26,7 +26,7 @@ pub const WIDE: usize = 32;
 /// The state of a bead that has never been updated. A debug probe has to write it together with an image: a
 /// state left by an earlier update would undo the image.
 pub const SETTLED: [u8; WIDE] = [BOOT_MAGIC; WIDE];
-/// The mark of `embassy-boot`.
+/// Byte with which `embassy-boot` marks this state.
 const BOOT_MAGIC: u8 = 0xd0;
 
 /// Bytes that are copied at a time.
@@ -36,7 +36,7 @@ const COPIED: usize = 1024;
 /// before it starts the active image. `PAGE` is the size of the active image's sectors.
 ///
 /// # Errors
-/// The flash fails, for instance with the power. The next call continues.
+/// The flash fails, for instance in a power cut. The next call continues.
 pub fn prepare<F: NorFlash, const PAGE: usize>(flash: F, layout: &Layout) -> Result<(), BootError> {
     let flash = RefCell::new(flash);
     let config = BootLoaderConfig {

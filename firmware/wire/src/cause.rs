@@ -14,7 +14,7 @@ pub struct Reject {
     pub bytes: u64,
 }
 
-/// Cause for which bytes are no frame, in the order of the checks.
+/// Reasons why bytes are no frame, in the order of the checks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, thiserror::Error)]
 pub enum Cause {
     /// More bytes than any frame has.

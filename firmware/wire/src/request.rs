@@ -223,8 +223,8 @@ impl RequestDecoder {
         core::mem::take(&mut self.counters)
     }
 
-    /// Takes one byte. A delimiter may return a frame, or the cause for which the bytes before it are none.
-    /// Nobody waits for a reply to bytes that are no frame.
+    /// Takes one byte. A delimiter may return a frame, or the reason why the bytes before it are no frame.
+    /// Nobody waits for a reply to such bytes.
     pub fn push(&mut self, byte: u8) -> Option<Result<ReceivedRequest, Cause>> {
         self.counters.bytes += 1;
         let heard = self.deframer.push(byte)?.payload.and_then(read);

@@ -118,7 +118,7 @@ impl Script {
         })
     }
 
-    /// Returns a file for `bead emulate --faults`, whose first line says how to run it.
+    /// Returns the text of a file for `bead emulate --faults`, whose first line says how to run it.
     pub fn text(&self) -> String {
         let Self {
             strikes,

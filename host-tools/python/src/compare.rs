@@ -15,8 +15,8 @@ use hertz_chain::Scenario;
 
 type Failure = Box<dyn Error + Send + Sync>;
 
-/// Compares one bead, or all of a row unless one is asked for, with the chain of a scenario, by default that
-/// of the recording. Returns JSON as `bead compare` prints it.
+/// Compares the bead asked for, or all beads of a row, with the chain of a scenario, by default that of the
+/// recording. Returns JSON as `bead compare` prints it.
 pub(crate) fn compared(
     file: &Recording,
     scenario: Option<Scenario>,

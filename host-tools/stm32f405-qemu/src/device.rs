@@ -65,7 +65,7 @@ pub trait Device: Send {
     }
 
     /// Levels that the device puts on pins of the part from now on, for example of a line that signals that
-    /// data is ready. Called after every other call. A level in the past takes effect now.
+    /// data is ready. Called after each call of another method. A level in the past takes effect now.
     fn levels(&mut self) -> Vec<Level> {
         Vec::new()
     }

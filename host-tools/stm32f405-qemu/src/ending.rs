@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum RunEnd {
-    /// The time was over: of the stimulus and its tail, or for an image that does not sample.
+    /// The stimulus and its tail ended, or the time limit of an image that does not sample.
     #[default]
     Over,
     /// The image executed BKPT outside a panic, as test firmware does at its end.

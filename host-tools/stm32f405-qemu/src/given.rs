@@ -259,7 +259,7 @@ pub struct Inputs {
 pub struct AnalogInput {
     /// For example `PC0`.
     pub pin: String,
-    /// Origin of the time at which the first code begins.
+    /// Start of the first code.
     pub since: Since,
     /// Time from code to code, in ns.
     pub period_ns: u64,

@@ -46,8 +46,8 @@ pub struct Outcome {
     pub exceptions: Vec<Exception>,
     /// Times at which the image panicked, in ns.
     pub panics: Vec<u64>,
-    /// Address of the processor at the end: the beginning of the last block of instructions without a branch.
-    /// `None` if it slept from the first instruction.
+    /// Address at which the processor was at the end: the beginning of its last block of instructions
+    /// without a branch. `None` if it slept from the first instruction.
     pub stopped_at: Option<CodeAddress>,
     /// The register that the processor accessed most at the end, if one stands out.
     pub busy_with: Option<String>,
@@ -80,7 +80,7 @@ impl Outcome {
     /// breakpoint.
     ///
     /// # Errors
-    /// One line: the kind of failure.
+    /// One line that describes the failure.
     pub fn verdict(&self) -> Result<(), String> {
         let last = self
             .log

@@ -56,7 +56,7 @@ impl Run {
         self.complete(&image, &job, outcome)
     }
 
-    /// Begins a run whose time the caller advances: see [`Live`]. It does not end by itself: `tail_ns` and
+    /// Begins a run whose time the caller advances: see [`Live`]. It has no set end: `tail_ns` and
     /// `sampling_deadline_ns` are ignored, and `timeout` counts from stop to stop.
     ///
     /// # Errors
@@ -196,7 +196,7 @@ impl Run {
         }
         if self.semihosting {
             let said = folder.path(exchange::SEMIHOSTING);
-            // The image's standard output reaches this file by another way, and in order.
+            // The image's standard output reaches this file by another route, and in order.
             let output = format!("file,id=semihosting,path={},append=on", said.display());
             arguments.extend(["-chardev".into(), output.into(), "-semihosting-config".into()]);
             let words = self.semihosting_arguments.iter();

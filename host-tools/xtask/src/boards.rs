@@ -52,7 +52,7 @@ pub(crate) fn line(board: &str) -> CommandLine {
 
 fn build_image(steps: &Steps, board: &str) -> Result<(), Stop> {
     paths::leave_out(steps, paths::cargo_home().as_deref())?;
-    // In another directory than the first board's image, since `bead` carries the image that it finds there.
+    // Not in the directory of the first board's image, since `bead` carries the image that it finds there.
     let apart = steps.target.join("boards/build");
     let_it_have_the_libraries(steps, &apart)?;
     let build = line(board).words("--target-dir").arg(&apart);

@@ -34,7 +34,7 @@ pub(crate) fn setup(steps: &Steps) -> Result<(), Stop> {
     files::write(&steps.root.join(ready), wanted)
 }
 
-/// Runs [`setup`]. Without a network, prints that the test that needs it is skipped.
+/// Runs [`setup`]. If it fails, as without a network, prints that the test that needs it is skipped.
 pub(crate) fn setup_if_it_can_be(steps: &Steps) {
     if let Err(stop) = setup(steps) {
         eprintln!("{}", stop.message);

@@ -124,7 +124,7 @@ pub(crate) struct Steps {
     /// True if other series run at the same time. The output of a command is then kept, and shown only if it
     /// fails.
     beside: bool,
-    /// Set when a step has failed. The steps beside it then begin no other one.
+    /// Set when a step has failed. No other step begins then.
     failed: Arc<AtomicBool>,
 }
 
@@ -197,8 +197,8 @@ impl Steps {
         self.ended(title, line, command.output())
     }
 
-    /// Runs one command of many at a time, and prints a line when it has ended: `tell` makes that line of the
-    /// output and the duration. The output is shown only if the command failed.
+    /// Runs one command of many at a time, and prints a line when it has ended: `tell` makes that line from
+    /// the output and the duration. The output is shown only if the command failed.
     pub(crate) fn run_and_tell(
         &self,
         title: &str,
@@ -216,7 +216,7 @@ impl Steps {
     /// second series is kept, and shown only if a command fails.
     ///
     /// # Errors
-    /// The error of the step that fails first. The other series ends after its current step.
+    /// The error of a step that fails. The other series ends after its current step.
     pub(crate) fn both(
         &self,
         first: impl FnOnce(&Steps) -> Result<(), Stop>,
@@ -239,7 +239,7 @@ impl Steps {
         work().inspect_err(|_| self.failed.store(true, Ordering::Relaxed))
     }
 
-    /// The first failure of steps beside one another, without those that only stopped because of another.
+    /// A failure of steps beside one another: not of one that stopped only because another failed.
     pub(crate) fn first_failure(ended: impl IntoIterator<Item = Result<(), Stop>>) -> Result<(), Stop> {
         let failures = ended.into_iter().filter_map(Result::err);
         failures

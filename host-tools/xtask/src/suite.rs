@@ -75,7 +75,7 @@ fn program(artifact: &str) -> Option<Job> {
 /// Runs all jobs, and returns the number of tests that passed.
 ///
 /// # Errors
-/// The error of the job that fails first. Running jobs are waited for, and no other begins.
+/// The error of a job that fails. Running jobs are waited for, and no other begins.
 pub(crate) fn run(steps: &Steps, mut jobs: Vec<Job>) -> Result<usize, Stop> {
     let rank = |job: &Job| LONG.iter().position(|long| job.title.contains(long));
     jobs.sort_by_key(|job| rank(job).unwrap_or(LONG.len()));

@@ -27,7 +27,7 @@ const SCANS_PER_BLOCK: f64 = 200.0;
 const INSTRUCTIONS: usize = 0;
 const CACHED: usize = 2;
 const MOST: usize = 4;
-/// Row, column, and the upper bound.
+/// Row, column, and the bound that the value must stay below.
 const TARGETS: [(&str, usize, f64); 10] = [
     ("all, while a strike is measured", INSTRUCTIONS, 500.0),
     ("all, in the busiest block", INSTRUCTIONS, 560.0),

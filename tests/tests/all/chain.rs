@@ -111,8 +111,8 @@ fn assert_on_one_time(clocks: &ClockComparison, ran: &[(Emulation, Ran)], soluti
         worst[0], worst[1]
     );
     assert_eq!((clocks.alignments.len(), clocks.strikes.len()), (9, 10));
-    // The former is below two clocks of the timer that takes the edges, the latter below the error of a
-    // parabola.
+    // Starts are within two clocks of the timer that takes the edges, highest forces within the error of a
+    // parabola through the samples.
     assert!(worst[0] < 2.0 / 84e6 && worst[1] < 5e-7, "{worst:?}");
 }
 

@@ -14,8 +14,8 @@ fn pass(bridge: &mut Bridge, bytes: &[u8], time: Duration) -> Vec<u8> {
     sent.unwrap_or_else(|failure| panic!("{failure}"))
 }
 
-/// Asks a live bead for its status once in each `every`, and returns the number of calls of the emulator for
-/// each request.
+/// Asks a live bead for its status at intervals of `every`, and returns the number of QEMU's calls of the
+/// overlay for each request.
 fn asked(times: u16, every: Duration) -> Vec<u64> {
     let run = paper(1, 0.1, Some(1));
     let mut bridge = Bridge::new(&run, None).unwrap_or_else(|failure| panic!("{failure}"));

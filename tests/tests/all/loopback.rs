@@ -314,7 +314,7 @@ fn each_fault_fails_the_check_that_is_for_it_and_no_other() {
         "the former has a test of its own, the latter no bound"
     );
     let wrong = |(check, mut setup): (&str, Setup)| {
-        // These take half of the time, and no earlier fault affects them.
+        // The resets take half of the time, and no earlier fault affects them.
         setup.resets = ["settings", "watchdog"].contains(&check);
         let report = setup.report();
         let failed = verdicts(&report, CheckVerdict::Failed);

@@ -76,8 +76,8 @@ fn a_scan_more_or_less_than_there_are_triggers_is_told_and_every_strike_has_its_
     }
 }
 
-/// Longest stretch without interrupts, in cycles: 10 µs, the most by which a block, an edge or a byte waits.
-/// A copy of the settings takes this long.
+/// Bound on a stretch without interrupts, in cycles: 10 µs, the most that a block, an edge or a byte waits.
+/// The longest stretch is a copy of the settings.
 const MASKED: u64 = 1680;
 
 #[test]

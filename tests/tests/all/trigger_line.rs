@@ -8,7 +8,7 @@ use bead_testing::block;
 use bead_tests::{RunFrames, paper, place, scenario, solved, timed};
 use bead_wire::{FaultCause, StrikeFlags};
 
-/// Threshold in codes that no force in this row reaches.
+/// Threshold in codes: no force in this row rises by as much.
 const DEAF: u16 = 4000;
 
 /// A bead whose threshold nothing reaches.
@@ -111,7 +111,7 @@ fn touch_on_the_line_opens_no_window_and_one_that_is_held_low_is_told_once_and_c
     let received = RunFrames::new(ran.stream.clone());
     assert_eq!(received.causes(), [FaultCause::TriggerLineLow]);
     let said = |ran: &Ran| strikes(ran).iter().map(|strike| strike.said).collect::<Vec<_>>();
-    // The fall is an edge like any other: a window is kept at 0.2 s, and then none.
+    // The fall is an edge like any other: it keeps a window at 0.2 s, and the line keeps none after that.
     let (said, alone) = (said(&ran), said(&alone));
     assert_eq!(said.len(), 3);
     assert!(said[1].flags.has(StrikeFlags::TRIGGERED_BY_LINE));

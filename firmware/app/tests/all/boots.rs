@@ -87,7 +87,7 @@ fn a_boot_that_is_proven_is_no_failed_one() {
 
 #[test]
 fn a_task_that_hangs_is_named() {
-    /// Advances the counts as in a time in which all tasks made progress.
+    /// Adds the counts of a quarter of a second in which all tasks made progress.
     fn gone_on(c: &mut BeadCounters) {
         c.samples += 25_000;
         c.blocks_handed_on += 125;

@@ -60,7 +60,7 @@ fn a_bead_that_feels_too_little_keeps_the_window_around_the_instant_and_it_repla
                 .into_iter()
                 .eq(indices.take(heard.samples()).map(|index| scan(index, 20.0)))
         );
-        // The noise of an intruder at rest leaves it no energy.
+        // An intruder at rest has no energy left at the end: its noise does not count.
         assert_eq!(heard.shapes[0].left.unwrap().measured, Energy::default());
         // The pulse is in it, and the same codes give the same bits.
         assert!((2000..2050).contains(&report.peak_index), "{report:?}");

@@ -390,7 +390,7 @@ fn poles_and_units_have_their_limits() {
 
 #[test]
 fn a_wave_that_is_too_short_is_refused_with_its_width() {
-    // A pulse is at least 2.5 samples wide: M/κ to the power 2/5.
+    // A pulse has to be at least 2.5 samples wide. Its width goes with M/κ to the power 2/5.
     let stiffer = |width: f64| {
         let now = Bead::paper().pulse_width(1.0) * 1e5;
         paper().with(|one| one.contact.stiffness *= (now / width).powf(2.5))

@@ -384,7 +384,7 @@ impl Emulation {
         let counted = outcome.instructions.as_ref().ok_or_else(|| {
             BenchError::Mute("the emulator counted no instructions although it was asked to".to_owned())
         })?;
-        // `None` too if the compiler inlined every function with the label.
+        // `None` too if the compiler left no function with the label.
         let per_sample = |label: &str, samples: u64| {
             let function = counted.functions.iter().find(|function| function.label == label);
             let function = function.filter(|function| samples > 0 && function.symbols > 0)?;

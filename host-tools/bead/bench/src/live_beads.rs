@@ -22,7 +22,7 @@ use bead_compare::sensed::{Timing, simulate_with_ring_down};
 use bead_line::port::Address;
 use bead_model::design::Uncertainty;
 
-/// Interval of the edges at the sync inputs, and time of the last one, s.
+/// Interval of the edges at the sync inputs, and the time until which they come, s.
 const SYNC_EVERY: f64 = 0.1;
 const SYNC_FOR: f64 = 3600.0;
 /// Quiet time before the strike, s, in which the image starts and arms its detector.

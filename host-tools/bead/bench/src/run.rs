@@ -215,7 +215,7 @@ impl RunReport {
             }
         }
         let mut begun = None;
-        // After a reset the indices start again at 0 and no longer identify the strike.
+        // After a reset the indices start again and no longer identify the strike.
         let is_known = measured.resets == 0;
         for strike in assemble(frames, Some(emulation.settings)) {
             let before = std::mem::replace(&mut begun, truth.begun(strike.said.trigger_index));
@@ -361,9 +361,15 @@ fn out_of_range(report: &RunReport, front_end: &AnalogFrontEnd) -> Option<String
 
 /// Number of strikes that these faults hide from any bead. `starts` are the indices at which strikes begin.
 fn hidden(faults: &[Planned], starts: &[f64]) -> usize {
-    let times = starts.iter().map(|start| start / f64::from(SAMPLE_RATE_HZ));
     let is_hidden = |time: &f64| faults.iter().any(|fault| fault.hides(*time));
-    times.filter(is_hidden).count()
+    times(starts).filter(is_hidden).count()
+}
+
+/// Times at these indices, in s since the first scan, whose index is 1.
+fn times(indices: &[f64]) -> impl Iterator<Item = f64> {
+    indices
+        .iter()
+        .map(|index| (index - 1.0) / f64::from(SAMPLE_RATE_HZ))
 }
 
 /// Strikes passed over in all boots. The count restarts at each boot, and only grows within one.
@@ -388,9 +394,7 @@ fn check_faults(emulation: &Emulation, ran: &Ran) -> CheckedFaults {
     }
     // A waveform that is played may hold no strike.
     let is_played = emulation.waveform.is_some();
-    let starts = emulation.truth.starts.iter().filter(|_| !is_played);
-    let starts = starts.map(|start| (start - 1.0) / f64::from(SAMPLE_RATE_HZ));
-    let starts: Vec<f64> = starts.collect();
+    let starts: Vec<f64> = times(&emulation.truth.starts).filter(|_| !is_played).collect();
     let rows = emulation.machine().stimulus;
     check_reports(&emulation.faults, &rows, &starts, &FaultLog::of(ran))
 }
@@ -417,7 +421,7 @@ mod tests {
     fn strikes_under_a_force_sensor_that_stands_still_are_hidden_and_others_are_not() {
         let faults = planned("force_stuck 0.5 duration=0.25; acceleration_stuck 1.2 duration=0.25");
         // There is a strike every 0.1 s. At 0.5, 0.6 and 0.7 s the sensor stands still.
-        let starts: Vec<f64> = (0..20).map(|strike| 1e4 * f64::from(strike)).collect();
+        let starts: Vec<f64> = (0..20).map(|strike| 1.0 + 1e4 * f64::from(strike)).collect();
         assert_eq!(hidden(&faults, &starts), 3);
         assert_eq!(hidden(&[], &starts), 0);
     }

@@ -24,9 +24,9 @@ use bead_recording::file::{BeadIndex, RecordingError, RecordingWriter};
 /// Deviations of the crystals.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Crystals {
-    /// Crystal of each bead in order, ppm; a single value holds for every bead.
+    /// Deviation of each bead's crystal in order, ppm; a single value holds for every bead.
     Each(Vec<f64>),
-    /// Chance draws each crystal from ± this, ppm.
+    /// Greatest deviation of crystals that are drawn at random, ppm.
     Spread(f64),
 }
 

@@ -183,7 +183,8 @@ fn stated(text: &str) -> String {
     (if text.is_empty() { NOT_STATED } else { text }).to_owned()
 }
 
-/// A value with its uncertainty, both rounded to two digits of the uncertainty, and its name.
+/// The value of a result, and its name with its uncertainty. Both numbers are rounded to two digits of the
+/// uncertainty.
 fn tile(result: &CalibrationResult) -> (String, String) {
     let combined = &result.combined;
     let (unit, size) = prefixed(result);

@@ -22,8 +22,8 @@ use crate::momentum::{Drop, combine, gain_of};
 
 /// Factor over the longest flight beyond which a gap between strikes begins another drop.
 const LATER: f64 = 1.05;
-/// Greatest relative deviation of a drop's gain from the median of all: a ball that grazes the cap transfers
-/// less momentum.
+/// Greatest relative deviation of a drop's gain from the median at its height: a ball that grazes the cap
+/// transfers less momentum.
 const GRAZED: f64 = 0.1;
 /// Least number of drops at a height: one has no scatter.
 const FEWEST: usize = 2;

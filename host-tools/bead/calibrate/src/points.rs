@@ -91,7 +91,7 @@ impl Points {
     /// Size of the measured unit in the SI unit that a procedure `takes`; a code has the size `per_code`.
     ///
     /// # Errors
-    /// The points have another unit. One line that ends with `would_do`, what the procedure needs instead.
+    /// The points have another unit: one line that ends with `would_do`, what the procedure needs instead.
     pub(crate) fn size(&self, takes: Measured, per_code: f64, would_do: &str) -> Result<f64, String> {
         match self.measured {
             Measured::Codes => Ok(per_code),

@@ -1,4 +1,4 @@
-//! Results of a calibration as settings: only their values change in a bead's file.
+//! Results of a calibration as settings: a bead's file changes only where they are.
 //!
 //! # Design
 //! The file is edited, not rewritten: comments, order and other keys stay. A key that the template has as a

@@ -149,7 +149,7 @@ impl ComparedBead {
     }
 }
 
-/// A line if no frame of this kind came.
+/// A line if this frame never came for some strikes.
 fn lacks(frame: &str, strikes: u64) -> Option<String> {
     (strikes > 0).then(|| format!("of {} the {frame} never came", count(strikes, "strike")))
 }

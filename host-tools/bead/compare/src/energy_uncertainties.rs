@@ -36,7 +36,7 @@ impl EnergyUncertainties {
         [self.u_absorbed_measured, self.u_absorbed_predicted]
     }
 
-    /// A line that explains ± beside the energies of these strikes; `None` if no energy has one.
+    /// A line that explains ± beside the energies of these strikes; `None` if `of` is empty.
     pub fn legend<'a>(of: impl IntoIterator<Item = &'a Self>) -> Option<String> {
         let mut all = of.into_iter().flat_map(Self::each).peekable();
         all.peek()?;

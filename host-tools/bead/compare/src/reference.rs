@@ -314,7 +314,7 @@ fn summit(values: &[f64]) -> (f64, f64) {
         below.unwrap_or(top.saturating_sub(1)),
         above.unwrap_or((top + 1).min(last)),
     );
-    // About the middle the sums of odd powers are 0, and value = a + b x + c x² has a closed solution.
+    // About the middle, the sums of odd powers are 0, and value = a + b x + c x² has a closed-form solution.
     let middle = 0.5 * (from + to) as f64;
     let sum = |of: fn(f64, f64) -> f64| -> f64 {
         let places = (from..).map(|at| at as f64 - middle);

@@ -113,7 +113,8 @@ pub(crate) fn force_noise(strike: &RecordedStrike) -> f64 {
 }
 
 /// The force as the bead's estimate B uses it, N, in `finer` steps a sample; `noise` is the force's noise, N
-/// rms. The bead ignores forces before the foot of the wave, and takes a run of weak ones for noise.
+/// rms. The bead ignores forces before the foot of the wave. After some weak forces in a row, it takes
+/// further weak ones for noise.
 pub(crate) fn gated(force: &[f64], settings: &Settings, noise: f64, finer: usize) -> Vec<f64> {
     let gate = f64::max(settings.chain.gate.to_num(), 3.0 * noise);
     let foot = usize::from(settings.window.noise_end()) * finer;

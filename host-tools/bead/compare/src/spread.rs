@@ -81,8 +81,8 @@ pub(crate) struct Deviations {
 }
 
 impl Deviations {
-    /// Deviations from a truth that is only known within this part of it, such as with a fitted striker's
-    /// velocity, and with these goals.
+    /// Deviations from a truth that is known only within this part of it, as with a fitted striker's
+    /// velocity, and their goals.
     pub(crate) fn within(truth: f64, goal: StrikeGoal) -> Self {
         Self {
             truth,

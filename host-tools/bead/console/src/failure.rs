@@ -101,7 +101,7 @@ impl From<hertz_chain::PeriodicError> for Failure {
     fn from(error: hertz_chain::PeriodicError) -> Self {
         match error {
             hertz_chain::PeriodicError::Simulate(error) => error.into(),
-            // The absence of a motion is a result.
+            // The absence of a motion that repeats is a result.
             error => Self::Verdict(error.into()),
         }
     }

@@ -70,7 +70,7 @@ fn print_json(value: &impl Serialize) -> Result<(), Failure> {
 }
 
 /// Prints one line, or several, to standard output, or to standard error while a result with the path `-` has
-/// standard output. Control sequences of terminals are shown, not sent.
+/// standard output. Control characters, which could steer a terminal, are shown, not sent.
 ///
 /// # Errors
 /// Standard output is closed or full.

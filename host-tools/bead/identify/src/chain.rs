@@ -167,6 +167,6 @@ fn step_of(model: &hertz_chain::Model) -> f64 {
     let reduced = striker * bead / (striker + bead);
     let (stiffness, speed) = (model.contact(1).stiffness, model.striker_speed().abs());
     let contact = 3.218 * (reduced * reduced / (stiffness * stiffness * speed)).powf(0.2);
-    // A striker at rest makes no contact.
+    // For a striker at rest, `contact` is infinite.
     (contact / STEPS_IN_CONTACT).min(LONGEST_STEP)
 }

@@ -90,7 +90,7 @@ impl ChainRuns {
         }
     }
 
-    /// The peak of a sensor's signal at the scenario's striker speed: time, s, and value.
+    /// The peak of the first sensor's signal at the scenario's striker speed: time, s, and value.
     ///
     /// # Errors
     /// The chain cannot be simulated, as the end of a sentence.

@@ -26,7 +26,7 @@ pub struct ChainStrike {
     channels: ExplainedChannels,
     sensors: Vec<Sensor>,
     start: [f64; 2],
-    /// Arrival of the wave at the scenario's speed, s.
+    /// Time of the force's peak at the scenario's speed, s.
     arrival: f64,
     greatest: f64,
 }

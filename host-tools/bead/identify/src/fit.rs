@@ -7,7 +7,7 @@ use crate::model::StrikeModel;
 use crate::normal::{Normal, SharedVector, StrikeNormal};
 use crate::quantity::{COUNT, Quantity, Values, moved};
 
-/// Greatest number of evaluations of all strikes in a fit.
+/// Greatest number of steps of a fit, including those that fit worse.
 const MOST_STEPS: usize = 40;
 /// A fit has ended when a step would lower the sum of squares by less than this.
 const ENOUGH: f64 = 1e-3;
@@ -145,7 +145,7 @@ fn step(normal: &Normal, free: &[Quantity], damping: f64) -> Option<SharedVector
     Some(step)
 }
 
-/// Fits the free quantities to all strikes. Each strike's own numbers start at its value in `own`.
+/// Fits the free quantities to all strikes, each of which starts at its own numbers in `strikes`.
 ///
 /// # Errors
 /// A strike cannot be computed at the start, the quantities cannot be told apart, or the fit does not

@@ -37,7 +37,7 @@ fn panels(label: &str, points: &[SignalSample]) -> [Panel; 2] {
     ]
 }
 
-/// The samples of the acceleration, ascending in time, from the last gap.
+/// The samples of the acceleration after the last gap, ascending in time.
 fn acceleration(mut samples: Vec<SignalSample>) -> Vec<SignalSample> {
     samples.retain(|sample| !sample.channel.is_force());
     samples.sort_by(|a, b| a.time.total_cmp(&b.time));

@@ -224,7 +224,7 @@ impl StrikeModel for RingDown {
             let wave = if rings { filter * (s * since).exp() } else { zero };
             let value = scale * wave;
             evaluation.residuals.push(measured - value.re - own[2 + place]);
-            // d/ds of the wave: the time, and the slope of the filter.
+            // d/ds of the wave's logarithm: the time, and the slope of the filter's.
             let slope = value * (Complex64::new(since, 0.0) + by_s);
             for (column, [by_beta, by_omega]) in evaluation.shared.iter_mut().zip(slopes) {
                 column.push(-slope.re * by_beta - slope.im * by_omega);

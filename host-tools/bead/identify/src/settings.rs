@@ -11,8 +11,8 @@ const RANGE: std::ops::RangeInclusive<f64> = 1e-6..=0.5;
 /// Correlations are below this, so that rounding leaves them possible.
 const MOST_CORRELATED: f64 = 0.9999;
 
-/// The settings in force, with the identified values replaced. `chain` is the chain of the strikes, if the
-/// contacts were fitted.
+/// The settings in force, with the identified values in place of theirs. `chain` is the chain of the strikes,
+/// if the contacts were fitted.
 ///
 /// # Errors
 /// No chain has the values: one line.
@@ -90,7 +90,7 @@ fn uncertainty_of(stated: &mut Uncertainty, quantity: Quantity) -> &mut Option<R
     }
 }
 
-/// Relative standard uncertainties of the quantities that settings state.
+/// Relative standard uncertainties of the quantities, as settings state them.
 pub fn stated(uncertainty: Option<&Uncertainty>) -> [Option<f64>; COUNT] {
     let Some(uncertainty) = uncertainty else {
         return [None; COUNT];
@@ -99,7 +99,7 @@ pub fn stated(uncertainty: Option<&Uncertainty>) -> [Option<f64>; COUNT] {
     QUANTITIES.map(|quantity| uncertainty_of(&mut stated, quantity).map(Relative::part))
 }
 
-/// The values in settings, with gains of 1. Settings have no modulus; `young` replaces it.
+/// The values in settings, with gains of 1. Settings have no modulus: `young` gives it.
 pub fn values(description: &Description, young: f64) -> Values {
     let (intruder, bead) = (&description.intruder, &description.bead);
     let springs = [intruder.stiffness, intruder.damping, intruder.mass];

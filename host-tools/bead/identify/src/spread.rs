@@ -70,7 +70,7 @@ pub fn covariance(normal: &Normal, free: &[Quantity]) -> Option<DMatrix<f64>> {
     Some(information.cholesky()?.inverse())
 }
 
-/// Change of the logarithm of each free quantity with that of a held one. `covariance` is by the noise.
+/// Change of the logarithm of each free quantity with that of a held one. `covariance` is due to noise.
 fn by_held(normal: &Normal, free: &[Quantity], covariance: &DMatrix<f64>, held: Quantity) -> DVector<f64> {
     let mixed = DVector::from_fn(free.len(), |at, _| {
         normal.information[(free[at].place(), held.place())]
@@ -112,7 +112,7 @@ pub fn combined(
 }
 
 /// Ends of the profile interval of a quantity: where the sum of squares, with all else refitted, is greater
-/// by `rise`. `None` if a fit does not converge.
+/// by `rise`. `None` if a fit fails, or gives a sum that is no greater.
 pub fn profile(best: &Fit<'_>, of: Quantity, covariance: &DMatrix<f64>, rise: f64) -> Option<[f64; 2]> {
     let place = best.free.iter().position(|one| *one == of)?;
     let error = covariance[(place, place)].sqrt();

@@ -2,8 +2,8 @@
 
 /// Least number of consecutive equal rows that suggests a record was cut off.
 const FLAT: usize = 4;
-/// Greatest fall, in steps, of a smooth top over as many rows as it stays within one step: nine for a
-/// parabola, and rounding.
+/// Greatest fall, in steps, of a smooth top that stays within one step over some rows, over as many more
+/// rows: nine for a parabola, and rounding.
 const SMOOTH: f64 = 15.0;
 /// Least number of rows for an estimate of noise.
 const FEW: usize = 16;
@@ -42,8 +42,9 @@ pub(super) fn cut_off(values: &[f64]) -> Option<(usize, f64)> {
     (rows >= FLAT && rows > 2 * held && is_steep).then_some((rows, flat))
 }
 
-/// Noise before the strike, rms: from the `quiet` rows of the zero or, if noise left only a few of these,
-/// from the changes from row to row in the first quarter before the top. 0 if there are too few rows.
+/// Noise before the strike, rms: the greater of two estimates, from the `quiet` rows of the zero, and from
+/// the changes from row to row in the first quarter of the rows before the top. An estimate from too few rows
+/// counts as 0.
 pub(super) fn noise(values: &[f64], quiet: usize) -> f64 {
     let size = |row: &usize| values[*row].abs();
     let top = (0..values.len())

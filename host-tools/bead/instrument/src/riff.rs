@@ -14,7 +14,8 @@ pub(super) const PCM: u16 = 1;
 pub(super) const FLOAT: u16 = 3;
 /// The form is in the extension of the chunk.
 pub(super) const EXTENSIBLE: u16 = 0xFFFE;
-/// Least length of a stream of unknown length: `sox` writes a little less than 2^31, `ffmpeg` 2^32 - 1.
+/// Least stated length that means an unknown one: in a stream, `sox` states a little less than 2^31, `ffmpeg`
+/// 2^32 - 1.
 const STREAM: u32 = 0x7FFF_0000;
 
 /// A reader of the samples of a file.

@@ -41,8 +41,8 @@ pub(super) struct Rows<'a> {
 }
 
 impl<'a> Rows<'a> {
-    /// An empty set of rows. `of` is true for force and for acceleration if the rows have it. With a rate,
-    /// times are not used.
+    /// No rows yet. `of` states if they have a force, and if they have an acceleration. With a rate, times
+    /// are not used.
     pub(super) fn new(path: &'a Path, row: &'static str, rate_hz: Option<f64>, of: [bool; 2]) -> Self {
         let [force, acceleration] = of.map(|there| there.then(Vec::new));
         Self {
@@ -59,7 +59,7 @@ impl<'a> Rows<'a> {
         }
     }
 
-    /// An empty set of rows of the columns of `picks`.
+    /// No rows yet, of the columns of `picks`.
     pub(super) fn picked(path: &'a Path, row: &'static str, rate_hz: Option<f64>, picks: &Picks) -> Self {
         let of = [picks.force.is_some(), picks.acceleration.is_some()];
         let mut rows = Self::new(path, row, rate_hz, of);

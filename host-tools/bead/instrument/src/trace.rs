@@ -353,7 +353,7 @@ mod tests {
             off(&mut |time| trace.around(time, 1e-5)),
         );
         println!("{alone} {around}");
-        // The parabola leaves 9/4 of the noise's variance over twenty rows: a third of the noise.
+        // Over twenty rows, the parabola leaves 9/4 / 20 of the noise's variance: a third of the noise.
         assert!(alone > 0.01 && around < 0.42 * alone, "{alone} {around}");
         // A slow source is not averaged.
         let mut slow = Trace::even((0..40).map(|row| pulse(f64::from(row), 20.0, 8.0)).collect(), 1e5);

@@ -2,8 +2,9 @@
 //!
 //! # Design
 //! [`mod@file`] reads limits, [`values`] has the values of a strike with their uncertainties, and [`rule`]
-//! decides with both (JCGM 106). [`judge`] compares the strikes of a recording with all limits, and the worst
-//! value counts for each. [`mask`] does this over frequency, [`drift`] and [`row`] over strikes and beads.
+//! decides with both (JCGM 106). [`judge`] compares the strikes of a recording with all limits; for each
+//! limit the worst value counts. [`mask`] does this over frequency, [`drift`] and [`row`] over strikes and
+//! beads.
 //! [`report`] and [`junit`] show the result.
 
 pub mod drift;

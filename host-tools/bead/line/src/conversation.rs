@@ -191,8 +191,8 @@ impl Conversation {
     /// Sends a signed request that changes nothing. Returns true if this is the bead's key.
     ///
     /// # Errors
-    /// The port goes away, no reply comes, or the reply is inconclusive: a refusal, with several beads on
-    /// the line and no address given.
+    /// The port goes away, no reply comes, the bead refuses for another reason than the key, or it refuses
+    /// the key while several beads are on the line and no address was given.
     pub fn has_key(&mut self, key: &Key) -> Result<bool, LineError> {
         let answer = self.signed(&Request::Identity, key)?;
         match answer.reply.outcome {
@@ -497,7 +497,7 @@ mod tests {
     /// Longer than a busy computer takes.
     const LONG: Duration = Duration::from_secs(20);
 
-    /// Lets `talk` converse with beads on a line. `answer` returns their answer to each request.
+    /// Lets `talk` converse with beads on a line. `answer` makes them answer each request.
     fn talk<T>(
         asked: u8,
         patience: Duration,

@@ -105,7 +105,7 @@ impl Conversation {
     /// Lists the strikes that the bead keeps, the oldest first.
     ///
     /// # Errors
-    /// The bead refuses, keeps no strikes at all, or does not answer, or a part is lost each time.
+    /// The bead refuses, its firmware keeps no strikes, it does not answer, or a part is lost each time.
     pub fn kept(&mut self) -> Result<Vec<Kept>, LineError> {
         for _ in 0..LISTS {
             let answer = self.request(&Request::ListKept)?;

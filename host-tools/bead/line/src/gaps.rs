@@ -75,7 +75,7 @@ pub struct Gaps {
     lists: u32,
     asked: Option<Asked>,
     next_number: u16,
-    /// Time of the next request at the earliest.
+    /// Earliest time of the next request.
     pause_until: Option<Instant>,
     /// Number of strikes that were fetched.
     pub fetched: u64,

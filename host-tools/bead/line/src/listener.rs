@@ -79,8 +79,8 @@ pub(crate) struct Listener<'a> {
 
 impl Listener<'_> {
     /// Reads the port until it is stopped, at least once. A port that goes away is opened again. `note`
-    /// takes a line when the port goes away, and another when bytes come again, after an empty piece in the
-    /// queue.
+    /// takes a line when the port goes away, and another when bytes come again; an empty piece in the queue
+    /// precedes these.
     pub(crate) fn listen(&self, mut port: Port, note: impl Fn(String)) -> End {
         let Self { address, shared, .. } = self;
         // Reason why the port went away, until bytes come again.

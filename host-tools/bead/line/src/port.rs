@@ -101,8 +101,9 @@ fn advice() -> String {
     format!("serial ports here: {}", names.join(", "))
 }
 
-/// Opens ports; `None` stands for every serial port of this computer. A port that is named twice is opened
-/// once. Of several ports, those that do not open are left out, with a line to `note` for each.
+/// Opens ports; `None` stands for every serial port of this computer, or only those on USB if there are any.
+/// A port that is named twice is opened once. Of several ports, those that do not open are left out, with a
+/// line to `note` for each.
 ///
 /// # Errors
 /// No port opens.

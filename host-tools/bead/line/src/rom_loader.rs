@@ -69,8 +69,8 @@ pub enum RomError {
          to 3.3 V, reset the board, and try again"
     )]
     Stranger(u8),
-    /// The loader refuses a command at its first bytes, as it does all that touch the flash of a locked
-    /// part.
+    /// The loader refuses a command at its first bytes. It does so with all commands that touch the flash of
+    /// a locked part.
     #[error(
         "the loader refuses {0}: the part is locked (read protection); unlocking it erases all of its flash, with \
          settings and strikes: `STM32_Programmer_CLI -c port=SWD -rdu`"
@@ -186,7 +186,7 @@ impl RomLoader {
         self.again(Command::Go, address, |loader| loader.address(address))
     }
 
-    /// Sends a command and `rest` again until the loader accepts all of it.
+    /// Sends a command, and the parts that `rest` sends, again until the loader accepts all of it.
     fn again(
         &mut self,
         command: Command,

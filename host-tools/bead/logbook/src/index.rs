@@ -142,7 +142,7 @@ impl Logbook {
     }
 }
 
-/// True if a file begins as a Parquet file or is empty, as the remains of a table are.
+/// True if a file is empty, or begins as a Parquet file without ending as one: the remains of a table.
 fn is_damaged(path: &Path) -> bool {
     let head = fs::read(path).unwrap_or_default();
     head.is_empty() || (head.starts_with(b"PAR1") && !head.ends_with(b"PAR1"))

@@ -2,9 +2,9 @@
 //!
 //! # Design
 //! The bead's own code ([`bead_model::sensor`]) makes one signal of the codes of both gains, with the filter
-//! removed. It runs here again, so every value from the sample before the end of the baseline has the bits
-//! that the estimators used. Earlier samples, which the bead only averages, get their values with the same
-//! zeros. The value of the last sample needs a code after it, and uses its own instead.
+//! removed. It runs here again, so from the sample before the end of the baseline onwards every value has the
+//! bits that the estimators used. Earlier samples, which the bead only averages, get their values with the
+//! same zeros. The value of the last sample needs a code after it, and uses its own instead.
 
 use bead_model::layout::{BASELINE, PIECE};
 use bead_model::quantity::{SensedAcceleration, SensedForce, Step};

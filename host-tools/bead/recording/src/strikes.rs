@@ -104,8 +104,8 @@ impl<I: Iterator<Item = Frame>> Strikes<I> {
         }
     }
 
-    /// The windows after the last strike that was handed on whose result never came. They are known once all
-    /// frames have been read.
+    /// The windows without a result after the last strike that was handed on. They are known once all frames
+    /// have been read.
     pub fn unfinished(&self) -> Vec<UnfinishedWindow> {
         self.assembly.unfinished()
     }

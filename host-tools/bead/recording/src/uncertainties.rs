@@ -35,7 +35,7 @@ const OF_FORCE: Flags = Flags::FORCE_RAILED
 
 /// True for A and for B if no flag means an error that the uncertainty does not cover.
 pub fn are_held(flags: Flags) -> [bool; 2] {
-    // A window that another wave cut ends before it.
+    // A window cut by another wave ends before that wave.
     let cut = if flags.has(Flags::WINDOW_CUT) {
         Flags::ANOTHER_WAVE
     } else {

@@ -8,13 +8,13 @@
 //! z̈ + (ω/Q) ż + ω² z = -a        absolute acceleration: a + z̈ = -(ω² z + (ω/Q) ż)
 //! ```
 //!
-//! Between two samples a is linear, and the equation is solved exactly. This is the ramp invariant filter
-//! of ISO 18431-4 (D. O. Smallwood, Shock and Vibration Bulletin 51, 1981) with the same response to the
-//! last digit. Here it has the states ω² z and ω ż (N. C. Nigam and P. C. Jennings, Bull. Seism. Soc. Am.
-//! 59, 1969), as the difference equation of the standard cancels at low frequencies. The numerator for the
-//! displacement is a difference of terms near 1 that is as small as (ω dt)³: at 1 Hz and 100 kHz three
-//! digits are left of sixteen. The coefficients here are power series in ω dt without a difference of near
-//! terms, and the step adds the change to a state, so all digits stay.
+//! The acceleration a is linear between two samples, and the equation is solved exactly. This is the ramp
+//! invariant filter of ISO 18431-4 (D. O. Smallwood, Shock and Vibration Bulletin 51, 1981) with the same
+//! response to the last digit. Here it has the states ω² z and ω ż (N. C. Nigam and P. C. Jennings, Bull.
+//! Seism. Soc. Am. 59, 1969), as the difference equation of the standard cancels at low frequencies. The
+//! numerator for the displacement is a difference of terms near 1 that is as small as (ω dt)³: at 1 Hz and
+//! 100 kHz three digits are left of sixteen. The coefficients here are power series in ω dt without a
+//! difference of near terms, and the step adds the change to a state, so all digits stay.
 
 use std::f64::consts::TAU;
 

@@ -42,7 +42,7 @@ impl OverStrikes {
         self.values.mean
     }
 
-    /// The standard deviation of a strike; `None` for one strike.
+    /// The standard deviation of the strikes' values; `None` for a single strike.
     pub fn deviation(&self) -> Option<f64> {
         self.values.deviation()
     }

@@ -123,7 +123,7 @@ impl AnsweringBead {
             }
             Request::Raw { duration_ms } => {
                 let all = u64::from(*duration_ms) * 100;
-                // Without codes of scans the bead sends one frame.
+                // Without `scans` the bead sends one frame.
                 let (scan, sent) = match self.scans {
                     Some(scan) => (scan, all),
                     None => ((|index: u64| [index as u16, 4095]) as fn(u64) -> [u16; 2], 32),

@@ -25,7 +25,7 @@ fn spoil(vectors: &[usize], path: &Path) {
     let table = word(headers.find(is_flash).unwrap() + 4) as usize;
     for vector in vectors {
         // The loader starts an image only if its start address is inside it. Erased flash at that address
-        // is no instruction.
+        // is not an instruction.
         let nowhere = if *vector == RESET {
             0x0805_fff1
         } else {

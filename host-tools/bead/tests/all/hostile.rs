@@ -8,7 +8,8 @@ use crate::program::{PROGRAM, SCENARIO, TestFolder, done, said};
 use bead_testing::{Speaker, xorshift};
 use bead_wire::{Body, Kind, Message, Strike, Waveform};
 
-/// Address space of a command, kB. Threads and libraries take some 300 MB of it, and hardly any memory.
+/// Greatest address space of a command, kB. Threads and libraries take some 300 MB of it, and hardly any
+/// memory.
 const MEMORY_MOST_KB: u32 = 800_000;
 
 /// Runs `bead` in a folder with little memory.

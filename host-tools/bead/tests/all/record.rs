@@ -278,7 +278,7 @@ fn standard_error_that_is_closed_costs_no_recording() {
     bead.write_all(&identity(0)).unwrap();
     let (reader, closed) = io::pipe().unwrap();
     drop(reader);
-    // The recorder ends between two changes of the file.
+    // The recorder ends between two splits of the recording.
     let record = format!("record --port {port} --out a.mcap --split 1 --duration 1.5");
     let mut command = interruptible(&folder, &record);
     let mut recorder = command.stdout(Stdio::null()).stderr(closed).spawn().unwrap();

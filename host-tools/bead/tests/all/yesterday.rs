@@ -34,7 +34,7 @@ fn the_first_recording_is_decoded_to_the_same_numbers_and_its_replay_says_that_i
     ] {
         assert!(why.contains(part), "{part}: {why}");
     }
-    // That version found the same strike in the same samples.
+    // The replay of that time found the same strike in the same samples.
     let replay = typed(folder, "replay recording-v1.mcap --format json");
     let now = &documents(&replay.stdout)[0]["strikes"][0];
     let then = fs::read(folder.join("recording-v1.replay.json")).unwrap();

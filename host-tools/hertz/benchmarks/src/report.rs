@@ -88,7 +88,7 @@ pub(crate) struct Comparison {
     pub(crate) reference: f64,
     /// The simulator first.
     pub(crate) rows: Vec<SolverRow>,
-    /// Factor by which it should be faster than the best of the others.
+    /// Factor by which the simulator should be faster than the best of the others.
     pub(crate) target: f64,
 }
 

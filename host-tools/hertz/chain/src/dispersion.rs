@@ -11,8 +11,8 @@
 //! which bead and intruder move together; the greater one is the optical branch. Between them lies a gap. A
 //! cell of several beads has a branch for each bead and each intruder: ω² are the eigenvalues of a
 //! Hermitian matrix, in which the contact from cell to cell has the factor exp(iq). A bead with several
-//! intruders is such a cell too, with a band for each intruder. Dampers and viscous contacts are left out:
-//! they widen the edges and do not move them at first order.
+//! intruders is such a cell too, with one more band for each intruder. Dampers and viscous contacts are left
+//! out: they widen the edges and do not move them at first order.
 
 use std::f64::consts::{PI, TAU};
 
@@ -73,8 +73,8 @@ impl Dispersion {
     /// Waves of a scenario's chain, far from its ends.
     ///
     /// # Errors
-    /// [`InputError`]: the scenario is out of range, its chain has no static load, or its pattern of beads
-    /// and intruders does not repeat at least twice.
+    /// [`InputError`]: the scenario is out of range, its chain has no static load or is vertical, or no
+    /// pattern of beads and intruders occurs at least twice.
     pub fn of(scenario: &Scenario) -> Result<Self, InputError> {
         let model = Model::of(scenario)?;
         if scenario.chain.precompression == 0.0 {

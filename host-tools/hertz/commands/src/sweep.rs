@@ -131,9 +131,10 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
 }
 
-/// Time of a chunk, s: the most that an interruption can cost.
+/// Intended time of a chunk, s. An interruption can cost a chunk.
 const CHUNK_SECONDS: f64 = 5.0;
-/// Greatest number of points in a chunk, and of chunks in a sweep.
+/// Greatest numbers of points in a chunk and of chunks in a sweep. A sweep of more points than both allow has
+/// larger chunks.
 const CHUNK_POINTS: u64 = 1 << 16;
 const CHUNKS: u64 = 10_000;
 

@@ -26,7 +26,8 @@ pub fn whole(plans: &[FigurePlan]) -> Vec<&'static str> {
     numbers
 }
 
-/// The sheet of these figures of one number; `None` if one is missing. Animations are left out.
+/// The sheet of these figures of one number; `None` if one is missing or the number has only one. Animations
+/// are left out.
 pub fn assemble(figures: &[(FigurePlan, Figure)]) -> Option<Plate> {
     let plans: Vec<FigurePlan> = figures.iter().map(|(plan, _)| *plan).collect();
     let number = *whole(&plans).first()?;

@@ -96,7 +96,7 @@ impl AxisTable {
         Ok(SweepAxis { name, along, count })
     }
 
-    /// All spacings that the table gives. Exactly one is valid.
+    /// All spacings that the table gives. It must give exactly one.
     fn spacings(&self) -> Vec<Spacing<'_>> {
         let given = [
             self.values.as_deref().map(Spacing::List),
@@ -264,7 +264,7 @@ fn check_range(at: &str, numbers: &[f64]) -> Result<(), InputError> {
     }
 }
 
-/// Checks a number of values, which a file gives as a float.
+/// Checks a number of values, which is a float if it was computed or given among other numbers.
 fn check_count(at: &str, count: f64) -> Result<u64, InputError> {
     if count >= 1.0 && count.fract() == 0.0 && count <= MOST_PLACES as f64 {
         return Ok(count as u64);

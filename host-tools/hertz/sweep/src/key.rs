@@ -25,7 +25,7 @@ const UNITS: [(&str, &str); 12] = [
     ("young", "pa"),
 ];
 
-/// Greatest number of parts of a key. A scenario's keys have four.
+/// Greatest number of parts of a key. A scenario's keys have up to four.
 const MOST_PARTS: usize = 8;
 
 impl ScenarioKey {

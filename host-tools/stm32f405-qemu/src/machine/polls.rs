@@ -10,7 +10,7 @@
 const WINDOW: u32 = 1 << 19;
 /// A lead of 0.8 of the window: nine accesses of ten.
 const CERTAIN: u32 = WINDOW / 10 * 8;
-/// Least accesses in a window before its result replaces that of the last window.
+/// Least accesses in a window before its result replaces that of the previous one.
 const FEW: u32 = 1000;
 
 #[derive(Debug, Clone, Default)]
@@ -22,8 +22,8 @@ pub(super) struct Polls {
 }
 
 impl Polls {
-    /// Counts an access. Returns its address if it ends a window in which hardly any other register was
-    /// accessed.
+    /// Counts an access. If it ends a window in which nearly all accesses went to one register, returns the
+    /// address of that register.
     pub(super) fn accessed(&mut self, address: u32) -> Option<u32> {
         self.accesses += 1;
         if address == self.candidate {

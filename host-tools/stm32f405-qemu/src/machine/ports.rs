@@ -16,7 +16,7 @@ impl Chip {
         }
     }
 
-    /// The first of these pins that is set to its alternate function here.
+    /// The first of these pins that is set to the alternate function given with it.
     pub(super) fn connected(&self, pins: &[(PinIndex, u32)]) -> Option<PinIndex> {
         let is_set =
             |(pin, function): &&(PinIndex, u32)| self.units.gpio[pin.0].alternate(pin.1) == Some(*function);

@@ -35,7 +35,7 @@ impl fmt::Display for NamedRegister {
 
 const TABLE: &str = include_str!("registers.txt");
 
-/// Most bytes of addresses of a peripheral of [`TABLE`] (section 2.3, table 1).
+/// Largest address range of a peripheral of [`TABLE`], in bytes (section 2.3, table 1).
 const SLOT: u32 = 0x400;
 
 /// Regions that the table lacks: the factory's constants, the backup RAM, and units of the processor.

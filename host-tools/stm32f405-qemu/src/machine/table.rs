@@ -292,7 +292,7 @@ mod tests {
         }
         assert!(row_at(0x4000_6400).is_none(), "CAN1");
     }
-    /// README lists the peripherals of all parts that have no row.
+    /// README lists the peripherals, of all parts, for which there is no row.
     #[test]
     fn peripherals_without_a_model_are_listed() {
         let readme = include_str!("../../README.md");

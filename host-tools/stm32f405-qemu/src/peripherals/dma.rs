@@ -209,7 +209,7 @@ impl Dma {
         half.into_iter().chain(full).min()
     }
 
-    /// Returns the controller after a write, `None` if the write would leave a note.
+    /// Returns the controller after a write, `None` if the write fails or would leave a note.
     pub(crate) fn written(&self, offset: u32, value: u32, now: u64) -> Option<Self> {
         let mut after = self.clone();
         after.write(offset, value, now).ok()?;

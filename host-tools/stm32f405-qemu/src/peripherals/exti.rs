@@ -1,6 +1,6 @@
 //! External interrupts (RM0090 section 12.3): edges on pins (lines 0 to 15), of the voltage detector (16),
-//! and of the clock's alarm (17) and wake-up timer (22), and the software trigger for all lines. Nothing else
-//! moves lines 18 to 21 here.
+//! and of the RTC's alarm (17) and wake-up timer (22), and the software trigger for all lines. Only that
+//! trigger moves lines 18 to 21 here.
 //!
 //! An edge sets the pending bit if the line's interrupt is enabled (section 12.2.4). An event (EMR) wakes
 //! from STOP, and makes no interrupt.

@@ -382,8 +382,8 @@ impl Rtc {
         Ok(())
     }
 
-    /// Reads TR, DR or SSR through the shadow registers (section 26.3.6): a read of SSR or TR freezes the
-    /// registers above it until DR is read.
+    /// Reads TR, DR or SSR through the shadow registers (section 26.3.6): a read of SSR or TR freezes TR and
+    /// DR until DR is read.
     fn read_calendar(&mut self, offset: u32, now: u64) -> u32 {
         let counted = self.synchronous() - 1 - self.reading(now).ticks;
         let (tr, dr) = if self.cr & BYPSHAD == 0 {

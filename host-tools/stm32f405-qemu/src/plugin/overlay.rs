@@ -516,7 +516,7 @@ impl Overlay {
         }
     }
 
-    /// Faults and pokes that were due later than the end of the run.
+    /// Faults and pokes that were still to come at the end of the run.
     fn never_came(&self) -> impl Iterator<Item = String> {
         let sampled = self.machine.stimulus().sampling().is_some();
         let faults = self.faults.iter().flatten().map(move |fault| {

@@ -41,7 +41,7 @@ pub(super) fn may_preempt(exception: u32, handled: u32, qemu: &Qemu) -> bool {
     group < of_handled
 }
 
-/// Returns `true` if a line takes precedence over the pending exception, if there is one.
+/// Returns `true` if a line takes precedence over the pending exception, or none is pending.
 pub(super) fn comes_first(exception: u32, qemu: &Qemu) -> bool {
     let other = pending(qemu);
     let order = |n: u32| (priority(n, qemu), n);

@@ -204,7 +204,8 @@ pub(super) struct Qemu {
     pub(super) functions: &'static Functions,
     pub(super) address_space: Pointer,
     pub(super) timer: Pointer,
-    /// Time for which the timer is set, by QEMU's clock. Setting the timer anew interrupts the processor.
+    /// Time for which the timer is set, by QEMU's clock. Setting the timer anew takes the processor's thread
+    /// out of its work.
     pub(super) timer_at: AtomicI64,
     pub(super) interrupts: Vec<Pointer>,
     pub(super) nmi: Pointer,

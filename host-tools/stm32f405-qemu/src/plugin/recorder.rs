@@ -79,7 +79,7 @@ impl RunRecorder {
         }
     }
 
-    /// Writes the output so far to the files.
+    /// Writes the output so far to the files. In a live run, keeps the log for the next stop instead.
     pub(super) fn flush(&mut self, log: &[u8]) {
         let log = self.log_room.take(log);
         if let Some(stops) = &mut self.stops {

@@ -4,7 +4,7 @@
 //!
 //! The processor may be in such a loop if it reads registers many times and writes only those that just move
 //! pins, if it branches for long without an access, or if it enters one handler again and again and no other
-//! in between, because the handler's interrupt stays up. Then, between two instructions, the interpreter of
+//! in between, as the handler's interrupt may stay up. Then, between two instructions, the interpreter of
 //! [`thumb`](crate::thumb) takes over until an interrupt may come, and the processor stands still meanwhile.
 //! The interpreter executes the same instructions at the same virtual times, so the moment at which it takes
 //! over has no effect on the run. If a try executes few instructions, the next one comes later.

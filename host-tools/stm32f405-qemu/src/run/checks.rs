@@ -1,4 +1,4 @@
-//! Checks the names that a caller gives: pins, USARTs, codes.
+//! Checks of a run's inputs: pins, USARTs, devices, the image.
 
 use std::collections::BTreeSet;
 use std::ops::Range;

@@ -1,4 +1,4 @@
-//! Place of the executed addresses of runs, if the environment requests them.
+//! Files with the addresses that runs execute, if the environment requests them.
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::PathBuf;

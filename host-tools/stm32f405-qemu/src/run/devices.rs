@@ -25,7 +25,7 @@ impl DeviceServer {
         if devices.is_empty() {
             return Ok(None);
         }
-        // The socket is left from an earlier QEMU of the run, which needed another version of the overlay.
+        // A socket is left if an earlier QEMU of the run needed another version of the overlay.
         let _ = std::fs::remove_file(&path);
         let listener = UnixListener::bind(&path).map_err(io("cannot make the socket of the devices"))?;
         let devices = devices.clone();

@@ -74,7 +74,7 @@ pub enum RunError {
         limit = .0.as_secs_f64(), at = .1.whereabouts(), sent = seen(.1.uart.len()), unknown = unknown(.1)
     )]
     Timeout(Duration, Box<Outcome>),
-    /// The image only reads a register that no model knows. Has the outcome up to then.
+    /// The image does nothing but read a register that no model knows. Has the outcome up to then.
     #[error(
         "the image is stuck{at}, {sent}{unknown}; no model knows what it reads there",
         at = .0.whereabouts(), sent = seen(.0.uart.len()), unknown = unknown(.0)

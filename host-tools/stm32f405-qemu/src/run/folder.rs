@@ -12,7 +12,7 @@ use crate::exchange;
 static FOLDERS: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
 /// Removes the temporary files of all runs: for a program that is interrupted, and exits before its runs end.
-/// A running QEMU removes them when its host is gone, but none may have started yet.
+/// A running QEMU removes them when its host is gone, but QEMU may not have started yet.
 ///
 /// No run begins or ends after this: a thread that tries blocks until the program exits.
 pub fn remove_temporary_files() {

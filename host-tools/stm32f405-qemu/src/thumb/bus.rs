@@ -24,7 +24,7 @@ pub(crate) struct Stored {
 }
 
 impl Stored {
-    /// A write of which nothing has to be known.
+    /// A write without any of these effects.
     pub(crate) const QUIETLY: Self = Self {
         changed: false,
         holds_until: u64::MAX,

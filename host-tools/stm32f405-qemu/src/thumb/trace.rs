@@ -319,7 +319,7 @@ impl Trace {
         self.shift = self.shift.min(ns);
     }
 
-    /// Takes the lowest bits of a register or, if `bits` is `None`, something else of it.
+    /// Takes the lowest `bits` of a register or, if `bits` is `None`, another part of it.
     fn low_bits(&mut self, to: u8, from: u8, before: &Registers, bits: Option<u32>) -> Option<()> {
         let line = self.read(from);
         if let Some(line) = line {

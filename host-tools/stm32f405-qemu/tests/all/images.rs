@@ -18,8 +18,8 @@ use stm32f405_qemu::{
 use super::sensor::Sensor;
 use super::{emulator, said};
 
-/// Path of an image. The images are built once for all tests, with their own profile, so that common
-/// dependencies are compiled once.
+/// Path of an image. The images are built once for all tests, with the profile of the flash image, so that
+/// common dependencies are compiled once.
 pub(super) fn image(name: &str) -> PathBuf {
     static BUILT: OnceLock<PathBuf> = OnceLock::new();
     let folder = BUILT.get_or_init(|| {
@@ -90,7 +90,7 @@ fn passed_again(run: &Run) -> Outcome {
     outcome
 }
 
-/// The outcome of a run with shortened loops, equal to that with QEMU only.
+/// The outcome of a run with shortened loops, equal to that of QEMU alone.
 fn shortened(mut run: Run) -> Outcome {
     let [short, long] = [true, false].map(|shorten| {
         run.shorten_waits = shorten;
@@ -160,7 +160,7 @@ fn ports_echo_by_interrupt_and_talk_over_a_wire_by_dma() {
         let of_name = interrupts.iter().filter(|interrupt| interrupt.name == name);
         of_name.map(|interrupt| interrupt.taken).sum::<u64>()
     };
-    // Two interrupts per byte: it is received, and its echo leaves the register.
+    // At least two interrupts per byte: it is received, and its echo leaves the register.
     assert!((8..=16).contains(&taken("USART3")), "{interrupts:?}");
     assert_eq!((taken("DMA1_STREAM6"), taken("USART2")), (1, 0), "{interrupts:?}");
 }
@@ -811,7 +811,7 @@ fn a_loop_that_waits_does_the_same_in_the_interpreter_as_in_qemu() {
 
 #[test]
 fn a_loop_is_shortened_with_memory_protection_too() {
-    /// Least number of accesses with QEMU only: each turn reads the counter, and takes less than a
+    /// Least number of accesses by QEMU alone: each turn reads the counter, and takes less than a
     /// microsecond.
     const ACCESSES: u64 = 1000;
     let calls = |shorten| {
@@ -834,7 +834,7 @@ fn a_loop_of_a_handler_that_reads_a_register_after_it_is_left_in_time() {
 
 #[test]
 fn turns_that_repeat_cost_nothing() {
-    // A flag in RAM, WFE, and an empty loop: QEMU only takes ten times as long.
+    // A flag in RAM, WFE, and an empty loop: QEMU alone takes ten times as long.
     for way in [8, 9, 12] {
         let mut run = chosen("waits", &[way, 0]);
         run.sampling_deadline_ns = 20_000_000_000;

@@ -115,7 +115,8 @@ pub(super) fn elf(code: &[u8], symbols: &[(&str, u32, u32, u8)]) -> Vec<u8> {
     elf_at(FLASH, code, symbols)
 }
 
-/// Greatest delay of a call of the overlay at 16 MHz: 63 ns of its time are 8 ns of QEMU's, in whole ns.
+/// Upper bound of the delay of QEMU's calls of the overlay at 16 MHz. They come at whole ns of QEMU's clock,
+/// each of which is 63/8 ns of the overlay's.
 pub(super) const WAKES_WITHIN_NS: u64 = 8;
 
 /// An ELF with one segment at an address.
@@ -592,8 +593,8 @@ fn a_crystal_that_stops_is_an_nmi_with_css_and_without_it_only_the_watchdog_goes
     // By the NMI, and by the reset.
     assert_eq!((edges(&safe), noted(&safe).len()), (2, 0));
     assert_eq!((edges(&bare), noted(&bare).len()), (0, 1));
-    // `b .` of 125 ns for 0.5 ms, and of 63 ns for 0.7 ms, except from the crystal's stop to the watchdog's
-    // reset, half a millisecond.
+    // `b .` of 125 ns for 0.5 ms, and of 63 ns for 0.7 ms. Without CSS the core stands still from the
+    // crystal's stop to the watchdog's reset, half a millisecond.
     let [safe, bare] = [safe, bare].map(|outcome| outcome.instructions.unwrap().total);
     assert!((15_050..=15_150).contains(&safe), "{safe}");
     assert!((safe - 8_000..safe - 7_750).contains(&bare), "{bare} of {safe}");

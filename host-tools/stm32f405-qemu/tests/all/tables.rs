@@ -90,7 +90,7 @@ fn peripherals(metadata: &str) -> impl Iterator<Item = (&str, &str)> {
 
 /// Lines of pins, DMA requests and interrupts.
 fn connections(metadata: &str) -> BTreeSet<String> {
-    // Lines of peripherals begin with a signal.
+    // Skips the interrupts of peripherals, whose entries begin with a signal.
     let entries = metadata.split("Interrupt {");
     let entries = entries.filter_map(|entry| entry.trim_start().strip_prefix("name: \"")?.split_once("\","));
     let numbers: BTreeMap<_, _> = entries

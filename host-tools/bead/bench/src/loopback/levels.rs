@@ -13,8 +13,9 @@ const LEVEL_MS: u32 = 25;
 const CODES: [u16; 5] = [400, 1200, 2048, 2900, 3700];
 const MIDDLE: u16 = 2048;
 
-/// Bounds in codes, from the data sheet (DocID022152). Output: offset of 10 mV, 12 codes, 0.5 % of its
-/// range, bend of 4 codes. Input: offset of 2.5 codes, 3 codes of gain, bend of 3.
+/// Bounds in codes, from the data sheet (DocID022152). The output has an offset of 10 mV (12 codes), a gain
+/// error of 0.5 % and a bend of 4 codes; the input has an offset of 2.5 codes, and a gain error and a bend
+/// of 3 codes.
 const OFF: f64 = 20.0;
 const GAIN_OFF: f64 = 0.01;
 const BEND: f64 = 8.0;

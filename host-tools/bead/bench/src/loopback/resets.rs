@@ -15,8 +15,8 @@ pub(super) const NAMES: [&str; 2] = [SETTINGS, WATCHDOG];
 
 /// Time-out for the return from the watchdog of a bead whose time is not this computer's.
 const BACK: Duration = Duration::from_secs(20);
-/// Time of the watchdog, whose oscillator has 17 to 47 kHz (DocID022152, LSI characteristics), and a start,
-/// s.
+/// Time of the watchdog, whose oscillator runs at 17 to 47 kHz (DocID022152, LSI characteristics), and of a
+/// start, s.
 const WATCHDOG_S: std::ops::RangeInclusive<f64> = 1.2..=4.5;
 
 /// The block in force.
@@ -88,7 +88,7 @@ pub(super) fn settings_row(bead: &mut Conversation) -> Result<CheckRow, LineErro
         bead.reboot()?;
         block(bead)
     });
-    // Restores them after a failed check, too.
+    // The bead's own settings are restored after a failed check, too.
     let restored = restore(bead, origin, &before).and_then(|()| {
         bead.reboot()?;
         block(bead)

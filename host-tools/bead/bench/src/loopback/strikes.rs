@@ -175,7 +175,7 @@ impl Strikes {
         vec![trigger, replayed, row]
     }
 
-    /// Row of a train, whose strikes must equal the single one.
+    /// Row of a train, whose strikes must agree with the single one.
     pub(super) fn row_of_train(&self, one: &Self) -> CheckRow {
         let (Some(alone), Some(trigger)) = (one.found.first(), one.triggers().next()) else {
             return CheckRow::not_done(NAMES[3], "needs a strike");

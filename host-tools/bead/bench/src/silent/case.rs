@@ -26,7 +26,7 @@ pub const SILENT: f64 = 0.03;
 const LEAD_IN: f64 = 0.02;
 /// Force that marks the arrival of a wave, N.
 const FOOT: f64 = 0.05;
-/// Time before a wave's arrival at which its windows may begin, s.
+/// Time before a wave's arrival from which a trigger counts as that of the wave, s.
 const EARLIER: f64 = 0.2e-3;
 /// Time from strike to strike, s.
 const INTERVAL: f64 = 0.06;

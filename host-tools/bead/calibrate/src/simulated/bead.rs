@@ -1,4 +1,4 @@
-//! A simulated bead: sensors with true gains around the bit-exact code; and random numbers.
+//! A simulated bead: sensors with true gains of their own, around the bit-exact code; and random numbers.
 
 use bead_compare::front_end::{AnalogFrontEnd, SAMPLE_RATE_HZ, SensorStimulus};
 use bead_model::settings::{BLOCK_MAX, Settings};

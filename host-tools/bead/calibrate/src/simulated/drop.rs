@@ -14,7 +14,8 @@ use bead_tables::whole::Target;
 use crate::drop::DropInputs;
 use crate::simulated::bead::{SimulatedBead, chance, deviate, truth};
 
-/// Duration of a contact, s, and relative loss of velocity in the pad.
+/// Duration of a contact, s, and λ of the pad times the velocity of the impact. The pad takes about a fifth
+/// of the velocity.
 const CONTACT: f64 = 1.8e-3;
 const LOSS: f64 = 0.4;
 /// Step of the integration, s.

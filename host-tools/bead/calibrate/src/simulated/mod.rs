@@ -1,4 +1,4 @@
-//! Rigs simulated around the bit-exact code of a bead, to learn a procedure without hardware, and to prove
+//! Rigs simulated around the bit-exact code of a bead, to learn a procedure without hardware, and to count
 //! how often the results hold the truth.
 //!
 //! # Design

@@ -95,8 +95,8 @@ fn is_sent(at: usize) -> bool {
     (at / SENT).is_multiple_of(2)
 }
 
-/// The scans of a shaken bead as `bead command raw` writes them: every second run of scans, as a line
-/// carries.
+/// The scans of a shaken bead as `bead command raw` writes them: every second run of scans, which is all that
+/// a line carries.
 pub fn scans(bead: &SimulatedBead, shaken: &Shaken, seconds: f64, seed: u64) -> String {
     let count = (seconds * f64::from(SAMPLE_RATE_HZ)) as usize;
     let codes = bead.front_end.digitise(shaken, count, Some(seed)).scans;

@@ -1,4 +1,4 @@
-//! The inputs whose uncertainty settings state.
+//! Inputs whose uncertainty the settings state.
 
 use bead_model::design::{Description, SensorScale};
 use bead_model::violation::SettingKey;

@@ -2,8 +2,8 @@
 //!
 //! # Design
 //! The scatter of each channel's codes in the quiet is taken as white. The energies' derivatives by each code
-//! of the window are differences of the estimators over a few codes, so the variance of the
-//! energies is the sum of their squares. This includes the zeros of the channels, which are means of quiet
+//! of the window are differences of the estimators over a few codes; the variance of the energies is that of
+//! a code times the sum of their squares. This includes the zeros of the channels, which are means of quiet
 //! codes.
 
 use bead_model::Scan;

@@ -89,7 +89,7 @@ pub struct Grid {
     /// The name of the group of its rows. The page shows it in place of the first heading. The terminal shows
     /// it in a separate row, with the group indented below, and joins tables with equal columns.
     pub(super) group: Option<String>,
-    /// The headings; empty for a table without.
+    /// The headings; empty for a table without headings.
     pub(super) columns: Vec<GridColumn>,
     /// The rows. One that is shorter than the headings ends in empty cells.
     pub(crate) rows: Vec<Vec<GridCell>>,

@@ -12,7 +12,7 @@ pub struct EnergyUnit {
 impl EnergyUnit {
     const ALL: [(&str, f64); 4] = [("nJ", 1e9), ("µJ", 1e6), ("mJ", 1e3), ("J", 1.0)];
 
-    /// The common unit of energies that are shown together, J: the smallest that keeps all below 10 000.
+    /// The common unit of energies, J, that are shown together: the smallest that keeps all below 10 000.
     pub fn of(energies: impl IntoIterator<Item = f64>) -> Self {
         let greatest = energies.into_iter().map(f64::abs).fold(0.0, f64::max);
         let fits = |(_, scale): &&(&str, f64)| greatest * scale < 1e4;

@@ -32,9 +32,10 @@ pub struct EnergyAlong {
     pub incident_by: &'static str,
     /// After 0, 1 and all further intruders.
     pub after: Vec<After>,
-    /// The line through ln E(n), for hosts without a gap between them.
+    /// The line through ln E(n); of A and B only if no host between the first and the last is missing.
     pub fit: FourSides<Option<TransmissionFit>>,
-    /// Hosts without a recording, between the first and the last with one; if there are any, there is no fit.
+    /// Hosts without a recording, between the first and the last with one; if there are any, A and B have no
+    /// line.
     pub not_measured: Vec<usize>,
     /// Why there is no energy along the row, or why that of the wave is not the bead's own.
     #[serde(skip)]
@@ -223,7 +224,8 @@ fn after(taken: &[Taken], first: usize, rows_of_n: &[f64]) -> Vec<After> {
     all
 }
 
-/// The lines through the measured energies, and the hosts between them that measured nothing.
+/// The lines through ln E(n) from the first to the last host that measured, and the hosts between them that
+/// measured nothing. With such hosts there are no lines by A and B.
 fn fits(after: &[After], taken: &[Taken]) -> (FourSides<Option<TransmissionFit>>, Vec<usize>) {
     let is_measured = |one: &Taken| one.measured.is_some();
     let ends = (

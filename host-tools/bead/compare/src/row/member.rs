@@ -87,7 +87,7 @@ pub struct BeadOfRow {
     pub address: u8,
     /// Strikes that it measured.
     pub strikes: usize,
-    /// Strikes that are only in the means: those beyond the longest list.
+    /// Strikes that are only in the means: there are more than a list takes.
     pub strikes_left_out: usize,
     /// Highest force, N.
     pub peak_force: Option<DeviceAndChain>,

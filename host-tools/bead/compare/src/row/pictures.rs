@@ -46,7 +46,7 @@ fn span(row: &BeadRow, chain: &RowChain) -> [f64; 2] {
     [(first - BEFORE).clamp(0.0, end), (last + AFTER).min(end)]
 }
 
-/// For each bead its curves of one strike, and the delay of its arrival in the common time after that in the
+/// For each bead its curves of one strike, and how much later its arrival is in the common time than in the
 /// curves, s. The strike is the one that most beads felt, of those whose curves are kept.
 fn drawn(row: &BeadRow) -> Vec<Option<(&Traces, f64)>> {
     let of = |strike: &Vec<Option<usize>>| {
@@ -54,7 +54,7 @@ fn drawn(row: &BeadRow) -> Vec<Option<(&Traces, f64)>> {
         let felt = row.felt(strike).into_iter();
         felt.map(|felt| curves(felt?, zero)).collect::<Vec<_>>()
     };
-    // Of equals the first.
+    // The first of equals.
     let strikes = row.strikes.iter().rev().map(of);
     strikes
         .max_by_key(|felt| felt.iter().flatten().count())

@@ -33,7 +33,8 @@ pub(super) struct Content {
 }
 
 impl Content {
-    /// The state now. A choice beyond the last bead or strike becomes the last one.
+    /// The state now. A choice beyond the last bead becomes the last one, and one beyond the oldest strike
+    /// the oldest.
     pub(super) fn of(monitor: &mut Monitor, keys: &mut Keys) -> Self {
         let view = monitor.view();
         keys.bead = keys.bead.min(view.beads.len().saturating_sub(1));

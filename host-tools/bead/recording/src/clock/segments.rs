@@ -59,7 +59,7 @@ pub struct Segment {
     pub(super) buckets: BTreeMap<u64, ClockPoint>,
     /// Number of times that pairs of buckets were merged.
     pub(super) halved: u32,
-    /// Host time of a sample, as known at the last merge, ns.
+    /// Length of a sample by the host's clock, as known at the last merge, ns.
     pub(super) pace: Option<f64>,
 }
 
@@ -228,8 +228,8 @@ impl Segment {
         }
     }
 
-    /// Delay of a frame, in ns, against a clock of the pace found so far. Within a first bucket the best
-    /// crystal and the worst differ by 0.1 ms, so the nominal rate is sufficient.
+    /// Delay of a frame, in ns, against a clock of the pace found so far. Within a first bucket crystals
+    /// differ by less than 0.1 ms, so the nominal rate is sufficient.
     fn late(&self, point: &ClockPoint) -> f64 {
         let nominal = 1e9 / self.sample_rate_hz.map_or(1e5, f64::from);
         point.host_ns - point.bead * self.pace.unwrap_or(nominal)

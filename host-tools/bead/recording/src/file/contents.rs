@@ -36,8 +36,8 @@ struct Runs {
     /// Number of the last.
     last: Option<u32>,
     missing: u64,
-    /// True if the log times are receive times, as a message on the channel `received` shows. `None` until
-    /// that is known.
+    /// True if the log times are receive times, as a message on the channel `received` shows; false if none
+    /// has come within [`HELD_MOST`] bytes. `None` until then.
     are_received: Option<bool>,
     /// Runs, with their log times, that wait until `are_received` is known.
     held: VecDeque<(Option<u64>, Vec<u8>)>,

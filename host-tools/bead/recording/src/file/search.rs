@@ -82,7 +82,7 @@ fn message_head(head: &[u8], length: usize) -> Option<MessageHead> {
     })
 }
 
-/// Offset of the first chunk. A chunk is recognised by its length, which it has three times.
+/// Offset of the first chunk. A chunk is recognised by its length, which it states three times.
 pub(super) fn chunk(bytes: &[u8]) -> Option<usize> {
     let opcodes = (0..bytes.len()).filter(|at| bytes[*at] == mcap::records::op::CHUNK);
     opcodes

@@ -2,7 +2,8 @@
 
 use bead_model::design::{Day, Description};
 
-/// A line if no calibration is stated, or if it has expired on a day, or is of a later day.
+/// A line if the settings state no uncertainties, or if their calibration expired before the day `on` or is
+/// dated after it.
 pub fn calibration_doubt(description: &Description, on: Day) -> Option<String> {
     let Some(stated) = &description.uncertainty else {
         return Some(

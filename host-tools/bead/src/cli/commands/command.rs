@@ -244,8 +244,8 @@ fn cycles(bodies: &Map<String, Value>) -> String {
     )
 }
 
-/// The members of JSON objects by name, one in each row. A key that an earlier object has too is preceded
-/// by the name of its object.
+/// The members of JSON objects by name, one in each row. A key that came in an earlier row is preceded by
+/// the name of its own object.
 fn rows<'a>(objects: impl IntoIterator<Item = (&'a str, &'a Value)>) -> String {
     let members = objects.into_iter().flat_map(|(object, body)| {
         let members = body.as_object().into_iter().flatten();

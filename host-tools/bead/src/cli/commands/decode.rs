@@ -95,7 +95,7 @@ fn decode(arguments: &Arguments, path: &Path) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Number of rejects that are reported one by one. Noise can cause one for every two bytes.
+/// Greatest number of rejects that are reported one by one. Noise can cause one for every two bytes.
 const REJECTS_MOST: u64 = 1000;
 
 /// Prints frames to standard output, one in each line. `fits` turn bead time into host time, one for each

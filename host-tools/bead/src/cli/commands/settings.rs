@@ -298,7 +298,7 @@ pub(crate) struct SettingsReport {
     settings_raw: serde_json::Value,
 }
 
-/// Prints the settings in a block. `whose` begins the message if the bytes are no block.
+/// Prints the settings in a block. `whose` begins the message if they cannot be decoded.
 fn print(block: &[u8], format: Format, whose: &str) -> Result<(), Failure> {
     let settings = Settings::decode(block).map_err(|error| match error {
         SettingsError::Version(_) => {

@@ -72,7 +72,7 @@ pub(super) struct Group<'a> {
     /// Contacts that open or close in the step, by number and lane.
     crossings: Vec<(usize, usize)>,
     changes: Vec<Changes>,
-    /// First of the bodies whose motion stops a lane, if wanted, and the stopped lanes.
+    /// First of the bodies before whose push a lane stops, if wanted, and the stopped lanes.
     unpushed: Option<usize>,
     stopped: [Option<SavedChain>; LANES],
     /// Models of the lanes, for their contacts, and the contacts whose greatest force is wanted.

@@ -149,7 +149,7 @@ pub(crate) fn ensemble_on(
 }
 
 /// Runs scenarios of one shape, and finds the derivatives of one number of each with respect to the constants
-/// of its chain, as [`together::run_and_back`] does. `None` if there are none, or no groups are possible.
+/// of its chain, as [`together::run_and_back`] does. `None` if a chain has none, or cannot run in a group.
 pub(crate) fn slopes_on(
     scenarios: &[Scenario],
     peaks: &[usize],

@@ -6,7 +6,7 @@ use super::catalogue::CatalogueSpring;
 const MARGIN: f64 = 1e-5;
 /// Logarithm of a stroke over its limit, without the margin, up to which the limit counts as kept.
 const KEPT: f64 = 5e-6;
-/// Part of its limit that a shorter stroke counts as: an intruder that never moved has no logarithm.
+/// A stroke counts as at least this part of its limit: that of an intruder at rest has no logarithm.
 const LEAST_STROKE: f64 = 1e-3;
 
 /// Mass, kg, stiffness, N/m, and damping, N·s/m.

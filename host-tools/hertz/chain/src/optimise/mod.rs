@@ -15,10 +15,10 @@
 //! about the best, until six in succession find nothing better. A descent is Kraft's SLSQP. It ends when ten
 //! gradients gain next to nothing, or too little to come below the best.
 //!
-//! All derivatives of a value come from one backward pass of a group (`slopes.rs`), which takes as long as
-//! [`Search::GRADIENT_RUNS`] single runs. Two-sided differences in thirty variables take 61 runs, eight at
-//! once. They are used for strokes, and for chains that do not run in groups. Shares are smooth to some 1e-7:
-//! over two steps of `STEP` this is 3e-5 of a derivative.
+//! All derivatives of a value come from one run of a group and its backward pass (`slopes.rs`), which
+//! together take as long as [`Search::GRADIENT_RUNS`] single runs. Two-sided differences in thirty variables
+//! take 61 runs, eight at once. They are used for strokes, and for chains that do not run in groups. Shares
+//! are smooth to some 1e-7: over two steps of `STEP` this is 3e-5 of a derivative.
 //!
 //! Limits on strokes are constraints of the descents, on the logarithm of each stroke over its limit. A
 //! design that breaks one is worse than any that breaks none. Choices of springs and hosts are exchanged one

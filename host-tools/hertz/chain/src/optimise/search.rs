@@ -86,9 +86,9 @@ impl Search {
     /// bench` measures.
     pub const GRADIENT_RUNS: usize = 4;
 
-    /// A search with bounds taken from the chain. Masses go up to half the lightest host. Stiffness and
-    /// damping go from far below to far above M ω² and M ω, at which an intruder responds to a strike: M
-    /// is the lightest host's mass and π/ω the time of a contact.
+    /// A search with bounds taken from the chain. Masses go up to half the lightest host. Stiffness goes
+    /// from 1e-5 M ω² to M ω², and damping from 1e-4 M ω to 0.2 M ω: M is the lightest host's mass and π/ω
+    /// the shortest time of a contact.
     ///
     /// # Errors
     /// [`OptimiseError`]: a search cannot use the scenario, the hosts or the total mass.

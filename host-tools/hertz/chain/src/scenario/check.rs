@@ -324,7 +324,7 @@ impl Scenario {
         Ok(())
     }
 
-    /// Refuses intruders inside intruders that do not exist.
+    /// Refuses an intruder that is inside anything but an earlier intruder of the same beads.
     fn check_inside(&self, at: &TableCheck, index: usize) -> Result<(), InputError> {
         let Intruder { beads, inside, .. } = &self.intruders[index];
         let Some(number) = *inside else { return Ok(()) };

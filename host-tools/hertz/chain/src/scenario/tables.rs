@@ -185,8 +185,8 @@ pub struct Section {
     pub relaxation: Option<f64>,
 }
 
-/// Beads that do not begin at rest and in touch. In a chain without this table all beads do, and only the
-/// striker moves.
+/// Beads that do not begin at rest and in touch. Without this table all beads begin so, and only the striker
+/// moves.
 ///
 /// Beads can act as strikers: the first beads, at the striker's velocity, hit the rest together with it, and
 /// a last bead with a velocity below zero hits the chain from behind. An intruder begins at rest in its host

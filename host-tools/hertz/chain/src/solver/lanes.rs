@@ -89,8 +89,8 @@ pub(crate) struct Lanes {
     pub(super) drag: Option<CacheAligned>,
     /// Drive of the first body.
     pub(super) drive: Option<Arc<EndDrive>>,
-    /// Powers of contacts that are not Hertz' with a damping exponent of 1/2, or that have friction.
-    /// `viscosity` then has the coefficients η.
+    /// Powers of the contacts; `None` if they are Hertz' with a damping exponent of 1/2 and no friction. With
+    /// powers, `viscosity` has the coefficients η.
     pub(super) powers: Option<ContactPowers>,
     /// Scales of velocities, m/s, and displacements, m.
     pub(super) speed: f64,

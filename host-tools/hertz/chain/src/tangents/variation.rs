@@ -292,8 +292,8 @@ impl<'a, const P: usize> Variation<'a, P> {
         }
     }
 
-    /// Estimated error of a piece, with the rate of the time at its end, as a part of the greatest so far of
-    /// each kind: derivatives by a parameter, or values over that parameter.
+    /// Estimated error of a piece, with the rate of the time at its end. For each kind it is relative to the
+    /// greatest derivative by a parameter so far, or to the greatest value over that parameter if it is more.
     fn error(&mut self, last: f64) -> f64 {
         let layout = self.march.layout;
         let ends = [

@@ -1,7 +1,7 @@
 //! Two equal solitary waves that meet: each leaves a small wave behind it, far smaller if they meet in a
 //! sphere than if they meet at a contact. In experiments both are greater, which arXiv:1102.3364 puts down to
-//! rolling friction. They are here, too, with a friction in proportion to the contacts' forces. The values
-//! with friction are those of an independent program (SciPy's DOP853).
+//! rolling friction. Here, too, both are greater with a friction in proportion to the contacts' forces. The
+//! values with friction are those of an independent program (SciPy's DOP853).
 
 use hertz_chain::{ContactLaw, PulseSearch, Scenario, Start, Striker};
 use hertz_charts::Panel;

@@ -180,8 +180,8 @@ extern "C" fn serve_dma2() {
     add(&SERVED, 1);
 }
 
-/// Handles a tick. The link register shows to where the processor returns, and if floating point was in use
-/// there.
+/// Handles a tick. The link register shows where the processor returns to, and whether floating point was in
+/// use there.
 #[unsafe(no_mangle)]
 extern "C" fn tick(link: u32) {
     write(TIM7 + 0x10, 0);

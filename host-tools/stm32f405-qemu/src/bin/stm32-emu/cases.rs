@@ -124,7 +124,7 @@ pub(crate) fn run(arguments: &Arguments, all: &[TestCase]) -> Result<Verdict, Ru
     })
 }
 
-/// Runs a case. Returns its time, the reason of its failure, and its output.
+/// Runs a case. Returns its time, the reason for its failure, and its output.
 fn run_one(
     arguments: &Arguments,
     case: &TestCase,
@@ -142,7 +142,7 @@ fn run_one(
     Ok((session.took, failed, lines.kept.unwrap_or_default()))
 }
 
-/// Reason of a case's failure, `None` if it passed.
+/// Reason for a case's failure; `None` if it passed.
 fn judge(session: &Session, case: &TestCase, limit_s: u32, arguments: &Arguments) -> Option<String> {
     let verdict = report::verdict(session, arguments);
     let end = session.result.as_ref().ok().map(|outcome| &outcome.end);

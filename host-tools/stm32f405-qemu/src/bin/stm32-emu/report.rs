@@ -90,7 +90,8 @@ pub(crate) fn verdict(session: &Session, arguments: &Arguments) -> Verdict {
 
 /// The register access or pin change for which a strict run fails.
 fn unknown(outcome: &Outcome, chip: Chip) -> Option<String> {
-    // Without a clock it reads as zero on silicon too: many images log a time before their timer runs.
+    // A register without a clock reads as zero on silicon too: many images log a time before their timer
+    // runs.
     let is_unknown = |register: &&UnknownRegister| !register.clock_off || register.writes > 0;
     let mut unknown = outcome.unknown_registers.iter().filter(is_unknown);
     if let Some(register) = unknown.next() {
@@ -243,7 +244,7 @@ pub(crate) fn write(arguments: &Arguments, session: &Session, verdict: &Verdict)
     Ok(())
 }
 
-/// Writes a JUnit report: for each test its name, its time, and the reason of its failure.
+/// Writes a JUnit report: for each test its name, its time, and the reason for its failure.
 ///
 /// # Errors
 /// [`RunError::Io`].

@@ -105,7 +105,7 @@ impl Moment {
         (tr, dr)
     }
 
-    /// The moment that is a number of seconds later.
+    /// The moment `seconds` seconds later.
     pub(super) fn plus(&self, seconds: u64) -> Self {
         let later = self.seconds + seconds;
         let days = later / DAY - self.seconds / DAY;

@@ -18,7 +18,7 @@ pub(super) enum Work {
     Store,
     /// A single store with its offset in a register: takes as long as a load.
     StoreAtOffset,
-    /// A load or store of this many words: one cycle more than words.
+    /// A load or store of this many words: one cycle for each, and one more.
     Words(u8),
 }
 

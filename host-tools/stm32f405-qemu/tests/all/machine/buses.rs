@@ -13,7 +13,7 @@ const BTF: u32 = 1 << 2;
 const I2C1_EV: usize = 31;
 const I2C1_ER: usize = 32;
 
-/// Sends back the frame before, with one bit inverted.
+/// Sends back the previous frame, with one bit inverted.
 #[derive(Default)]
 struct Echo {
     last: u16,

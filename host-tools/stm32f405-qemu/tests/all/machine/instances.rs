@@ -293,7 +293,7 @@ fn a_wire_leads_an_output_to_an_input_to_a_capture_and_to_an_external_interrupt(
         (input, bench.read(TIM2 + 0x34), pending)
     });
     assert_eq!(seen, [(1, 840, 2), (1, 840, 0), (0, 840, 2), (1, 2520, 2)]);
-    // With the output released, nothing drives the wire: the pull-up of its other end does.
+    // With the output released, only the pull-up at its other end drives the wire.
     bench.set(GPIOC, [(0x0c, 0b01 << 2), (0x14, 0)]);
     assert_eq!(bench.read(GPIOC + 0x10) & 0b10, 0);
     bench.write(GPIOC, 0);

@@ -203,7 +203,7 @@ fn a_narrow_write_is_repeated_over_the_word_on_apb_and_leaves_the_rest_of_it_els
     assert_eq!(bench.read(TIM3 + 0x2c), 0x1212);
     bench.write_narrow(TIM2 + 0x2c, 2, 0x3456);
     assert_eq!(bench.read(TIM2 + 0x2c), 0x3456_3456);
-    // Reads no register: of EXTI's pending bits, which a one clears, only that of line 0 is cleared.
+    // Such a write reads no register: of EXTI's pending bits, which a one clears, it clears only line 0's.
     bench.set(EXTI, [(0x00, 0b11), (0x10, 0b11)]);
     bench.write_narrow(EXTI + 0x14, 1, 0b01);
     assert_eq!(bench.read(EXTI + 0x14), 0b10);
@@ -418,7 +418,7 @@ fn a_byte_that_the_processor_reads_before_a_late_dma_is_lost_to_it() {
         bench.pass(60_000);
         assert_eq!(bench.board.sram[..3], *fetched, "{latency_ns} ns");
     }
-    // A byte that arrives before the one before was fetched is lost as well.
+    // A byte that arrives before the previous one was fetched is lost as well.
     let mut bench = receiving(11_000);
     bench.pass(60_000);
     assert_eq!(bench.board.sram[..3], *b"ac\0");

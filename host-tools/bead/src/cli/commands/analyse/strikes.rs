@@ -29,7 +29,7 @@ pub(super) struct Gathered<'a> {
     pub(super) gravities: bool,
 }
 
-/// A bead with its sums; `None` before the first strike with usable signals.
+/// A bead with its sums; `None` before the first strike that gives a plan.
 type Bead = GatheredBead<Option<BeadSums>>;
 
 /// The strikes that wait for their spectra, each with the place of its bead.

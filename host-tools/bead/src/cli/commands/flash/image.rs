@@ -117,7 +117,7 @@ impl FlashImage {
     /// Reads the image that was named, or the one for a board, or the one that emulation takes.
     ///
     /// # Errors
-    /// The file is no image of a bead, is for another board, or covers what the bead keeps.
+    /// The file is not an image of a bead, is for another board, or covers what the bead keeps.
     pub(crate) fn find(given: Option<&Path>, board: Option<&str>) -> Result<Self, Failure> {
         let path = match (given, board) {
             (Some(path), _) => path.to_owned(),
