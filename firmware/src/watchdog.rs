@@ -3,9 +3,9 @@
 use embassy_stm32::pac::IWDG;
 use embassy_stm32::pac::iwdg::vals::{Key, Pr};
 
-/// Starts the watchdog with its longest timeout: 32.8 s, and 22 s at least. A start takes less between two
-/// feedings: 5 s for the supply and 0.1 s for the crystal, then 8 s at most for an erase of two sectors. The
-/// watchdog is fed before each erase.
+/// Starts the watchdog with its longest timeout: 33 s, or 22 to 62 s with the tolerance of its oscillator. A
+/// start takes less between two feedings: 5 s for the supply and 0.1 s for the crystal, then 8 s at most for
+/// an erase of two sectors. The watchdog is fed before each erase.
 pub(crate) fn begin() {
     IWDG.kr().write(|w| w.set_key(Key::START));
     IWDG.kr().write(|w| w.set_key(Key::ENABLE));

@@ -3,8 +3,8 @@
 //! # Design
 //! A sector endures 10 000 erases (DocID022152, flash memory endurance), and a full sector is erased at the
 //! next start. A host that writes and resets without end would wear it out within days. So at most [`BURST`]
-//! blocks are written at once, and one every [`EVERY_MS`] in the long run. A sector holds 440 of the longest
-//! blocks, so there are 20 erases a day at most, and the two sectors last 2.7 years even then.
+//! blocks are written at once, and one every [`EVERY_MS`] in the long run. A sector holds 268 of the longest
+//! blocks, so there are 33 erases a day at most, and the two sectors last 1.7 years even then.
 //!
 //! The number of blocks written lately must survive a reset, or a reset would circumvent the limit. Time that
 //! passes during a reset is not counted.

@@ -12,7 +12,7 @@ pub(crate) struct Case {
     pub(crate) scenario: Scenario,
     /// Velocities of all bodies at the end, m/s.
     pub(crate) end: Vec<f64>,
-    /// Displacements at each of [`ours::SAMPLES`] times, one after another.
+    /// Velocities of all bodies at each of [`ours::SAMPLES`] times, one after another.
     pub(crate) samples: Vec<f64>,
 }
 

@@ -28,7 +28,7 @@ pub(crate) fn end(scenario: &Scenario, accuracy: Accuracy) -> Vec<f64> {
         .collect()
 }
 
-/// Displacements at the start and at each of [`SAMPLES`] times, one after another.
+/// Velocities of all bodies at the start and at each of [`SAMPLES`] times, one after another.
 pub(crate) fn samples(scenario: &Scenario, accuracy: Accuracy) -> Vec<f64> {
     let (beads, interval) = (scenario.chain.beads, scenario.duration / SAMPLES as f64);
     let (mut values, mut next) = (Vec::with_capacity((SAMPLES + 1) * (beads + 1)), 0);

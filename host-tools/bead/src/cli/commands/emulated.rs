@@ -183,7 +183,7 @@ fn counts(report: &RunReport) -> String {
 fn provoked(report: &RunReport) -> String {
     let rows = report.provoked.iter().map(|provoked| {
         let reported = if provoked.excused {
-            "another fault hid it".to_owned()
+            "not required: it was hidden, too short, or the run ended".to_owned()
         } else {
             output::either(provoked.reported, "yes", "no")
         };
