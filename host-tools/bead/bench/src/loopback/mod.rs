@@ -5,7 +5,8 @@
 //! The bead plays levels and made-up strikes to itself and sends what it samples. The host judges
 //! everything by frames: the straight line from output to input by raw scans, the strikes by what the
 //! bead's own code makes of the same codes here. A check that needs wires is skipped where they are
-//! missing. The bead ends as it began: armed or not, with its own settings.
+//! missing. The bead ends with its own settings, and armed or not as before; after the checks that reset it,
+//! it is armed.
 
 mod levels;
 mod report;

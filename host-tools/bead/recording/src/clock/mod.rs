@@ -38,5 +38,5 @@ pub use comparison::{AlignmentReport, ClockComparison, ClockReport, RecordedBoot
 pub use fit::{CRYSTAL_PPM, Fit};
 pub use segments::{Boots, Live, Segment, Segments, StrikePeak, Tracker};
 
-/// Greatest error of a bead's clock, as a part: that of the quartz (docs/hardware.md).
+/// Relative error of a bead's clock that uncertainties allow for: that of a typical quartz (docs/time.md).
 pub const QUARTZ: f64 = 20e-6;
