@@ -13,6 +13,6 @@ pub(crate) fn done() -> Answer {
 // Not inlined, to save flash: building an answer takes many instructions.
 #[inline(never)]
 pub(crate) fn supply_low() -> Answer {
-    let why = "the supply is below 2.93 V: nothing was written; try again when it is good";
+    let why = "the supply is below 2.93 V: nothing was written; try again once it has recovered";
     (Outcome::FlashFailed, why.into())
 }

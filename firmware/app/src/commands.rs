@@ -241,12 +241,12 @@ impl<D: Device> Commands<D> {
             Outcome::Unsigned => "this bead has a key: sign the request with it".into(),
             Outcome::Forged => "signed with another key, for another bead, or changed on the way".into(),
             Outcome::Replayed => Detail::new(format_args!(
-                "the last counter was {}; the next is above it by {AHEAD} at most",
+                "the last counter was {}; the next may exceed it by at most {AHEAD}",
                 self.lock.counter()
             )),
-            Outcome::Late => "signed for another boot, or its last sample is over".into(),
+            Outcome::Late => "signed for another boot, or its last sample has passed".into(),
             Outcome::NoKey => "this bead has no key".into(),
-            _ => "it carries no request".into(),
+            _ => "the signed frame holds no request".into(),
         };
         (outcome, detail)
     }
@@ -299,7 +299,7 @@ impl<D: Device> Commands<D> {
                 let now = self.bead.snapshot();
                 let ahead = index.saturating_sub(now.newest_index);
                 if !(1..=MINUTE).contains(&ahead) {
-                    let why = "its scan has to come within a minute from now";
+                    let why = "the requested scan must come within the next minute";
                     return Err((Outcome::OutOfRange, why.into()));
                 }
                 self.bead.wanted_scan.signal(index);
@@ -333,7 +333,7 @@ impl<D: Device> Commands<D> {
 
     fn play(&self, play: Option<Play>) -> Result<RequestStep, Answer> {
         self.scans_come()?;
-        let why = "codes are 0 to 4095; all lasts 400 ms at most, and 5 ms are from strike to strike";
+        let why = "codes are 0 to 4095, strikes at least 5 ms apart, and the whole lasts at most 400 ms";
         play.map(RequestStep::Play)
             .ok_or_else(|| (Outcome::OutOfRange, why.into()))
     }
@@ -343,7 +343,7 @@ impl<D: Device> Commands<D> {
         if self.bead.has_scans() {
             return Ok(());
         }
-        let why = "no scan comes: the crystal does not run, or the part is another one";
+        let why = "no scans come: the crystal does not run, or this is the wrong part";
         Err((Outcome::OutOfRange, why.into()))
     }
 
@@ -405,7 +405,7 @@ impl<D: Device> Commands<D> {
             Request::Signed { kind, .. } if kind == Request::Reboot.number() => Ok(Request::Reboot),
             _ if self.bead.device.supply_is_low() => Err(supply_low()),
             _ => {
-                let why = "the store cannot be read, nor whether there is a key: reboot the bead";
+                let why = "the store cannot be read, so the bead does not know whether it has a key: reboot the bead";
                 Err((Outcome::FlashFailed, why.into()))
             }
         }
@@ -420,7 +420,7 @@ fn check_settings(block: &[u8]) -> Result<(), Answer> {
 
 fn too_soon(wait_ms: u64) -> Answer {
     let wait_s = wait_ms.div_ceil(1000);
-    let why = format_args!("flash is written every 10 s in the long run; again in {wait_s} s");
+    let why = format_args!("flash is written at most every 10 s in the long run; try again in {wait_s} s");
     (Outcome::TooSoon, Detail::new(why))
 }
 
@@ -429,11 +429,11 @@ fn not_stored(error: StoreError) -> Answer {
     let (outcome, why) = match error {
         StoreError::Full => (
             Outcome::StoreFull,
-            "no room in flash for another block; the next boot makes some",
+            "no room in flash for another block; reboot the bead to make room",
         ),
         StoreError::TooLong | StoreError::Flash => (
             Outcome::FlashFailed,
-            "what was written cannot be read back; the settings are what they were",
+            "what was written cannot be read back; the settings are unchanged",
         ),
     };
     (outcome, why.into())
@@ -461,7 +461,7 @@ async fn fetch<D: Device>(bead: &BeadState<D>, mut refetch: Refetch) -> Answer {
     let deadline = bead.device.now() + FETCH;
     loop {
         if !bead.wait_for_spare(deadline).await {
-            return (Outcome::Busy, "strikes come and take the line: ask again".into());
+            return (Outcome::Busy, "new strikes occupy the line: ask again".into());
         }
         match bead.push_next(&mut refetch) {
             RefetchStep::Sent => {}

@@ -150,7 +150,7 @@ impl<D: Device> Estimation<D> {
         if self.results.line.is_found_held() {
             bead.fault(
                 FaultCause::TriggerLineLow,
-                "the trigger line is held low: a short, or a bead without supply on it",
+                "the trigger line is held low: a short circuit, or an unpowered bead on the line",
             );
         }
         if let Some(edge) = edge {

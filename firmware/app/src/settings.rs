@@ -59,7 +59,7 @@ impl From<SettingsError> for RefusedSettings {
         Self::Damaged(match error {
             SettingsError::Unreleased(_) => {
                 return Self::Foreign(
-                    "a block from before the first release: make it anew of its bead.toml, or arm the bead by request",
+                    "a block from before the first release: remake it from its bead.toml, or arm the bead by request",
                 );
             }
             SettingsError::Version(_) => {
@@ -112,7 +112,7 @@ impl Loaded {
             };
         }
         let mut refused = opened.lost.then_some(RefusedSettings::Damaged(
-            "what was stored is not whole, and was erased",
+            "the store held no complete block, and was erased",
         ));
         match store.read().map(|block| block.map(check)) {
             Ok(None) => {}
@@ -124,7 +124,7 @@ impl Loaded {
                 };
             }
             Ok(Some(Err(why))) => refused = why.or(refused),
-            Err(_) => refused = Some(RefusedSettings::Damaged("what was stored cannot be read")),
+            Err(_) => refused = Some(RefusedSettings::Damaged("the stored settings cannot be read")),
         }
         Self::beneath(probe, refused)
     }
@@ -170,7 +170,9 @@ pub(crate) fn of_known_answer() -> Settings {
 fn check(block: &[u8]) -> Result<Settings, Option<RefusedSettings>> {
     match Settings::decode(block) {
         Ok(settings) if settings.sample_rate_hz == SAMPLE_RATE_HZ => Ok(settings),
-        Ok(_) => Err(Some(RefusedSettings::Damaged("they are for another sample rate"))),
+        Ok(_) => Err(Some(RefusedSettings::Damaged(
+            "the settings are for another sample rate",
+        ))),
         Err(SettingsError::Erased) => Err(None),
         Err(error) => Err(Some(error.into())),
     }

@@ -76,7 +76,7 @@ impl<F: NorFlash> Updates<F> {
             }
             _ => {
                 if !bead.has_scans() {
-                    let why = "without a crystal no image passes its trial: mend the board, or use a probe";
+                    let why = "no image passes its trial without a crystal: repair the board, or use a probe";
                     return Err((Outcome::ImageRefused, why.into()));
                 }
                 device.receive_after_reset();
@@ -142,13 +142,16 @@ fn refused(refusal: Refusal, expected: &Expected<'_>, manifest: &[u8]) -> Answer
     };
     let (board, version, capacity) = (expected.board, expected.version, expected.capacity);
     let why = match refusal {
-        Refusal::Board => Detail::new(format_args!("the image is for {}, this is {board}", image.board)),
+        Refusal::Board => Detail::new(format_args!(
+            "the image is for {}, but this board is {board}",
+            image.board
+        )),
         Refusal::Older => Detail::new(format_args!(
             "the image is {}, older than {version}",
             image.version
         )),
         Refusal::Length => Detail::new(format_args!(
-            "{} bytes; an image has 1 to {capacity}",
+            "the image has {} bytes; 1 to {capacity} are allowed",
             image.length
         )),
         _ => return said(refusal),
@@ -164,12 +167,12 @@ fn said(refusal: Refusal) -> Answer {
         _ => Outcome::ImageRefused,
     };
     let why = match refusal {
-        Refusal::NoManifest => "what came is no manifest of an image",
+        Refusal::NoManifest => "the received bytes are not the manifest of an image",
         Refusal::Unsigned => "the image is not signed with the key that this bead was built with",
-        Refusal::NotBegun => "no image was begun since the start: begin again",
-        Refusal::Place => "the piece does not lie in the image, or is no whole number of words",
-        Refusal::Differs => "other bytes are there already: begin again",
-        Refusal::NotThatImage => "what came is not the image that was announced: begin again",
+        Refusal::NotBegun => "no update has begun since the last start: begin again",
+        Refusal::Place => "the piece is outside the image, or is not a whole number of words",
+        Refusal::Differs => "other bytes have already been written there: begin again",
+        Refusal::NotThatImage => "the received bytes are not the announced image: begin again",
         Refusal::Flash => "the flash does not keep what is written: begin again",
         Refusal::Board | Refusal::Older | Refusal::Length => "",
     };

@@ -80,7 +80,7 @@ impl de::Visitor<'_> for TextVisitor {
                 None => (text, ""),
             };
             E::custom(format_args!(
-                "`{}{more}` is no name: up to {NAME_MAX} bytes of text without control characters",
+                "`{}{more}` is not a name: give up to {NAME_MAX} bytes of text without control characters",
                 shown.escape_debug()
             ))
         })

@@ -109,10 +109,10 @@ pub enum SettingsError {
     #[error("not a settings block: it does not start with \"BEAD\"")]
     Magic,
     /// A block that a program from before the first release wrote.
-    #[error("settings block of version {0}, unreleased: `bead settings make` makes it anew of its bead.toml")]
+    #[error("settings block of version {0}, unreleased: `bead settings make` remakes it from its bead.toml")]
     Unreleased(u16),
     /// A block of another version.
-    #[error("settings block of version {0}, this program knows {VERSION}")]
+    #[error("settings block of version {0}, but this program reads version {VERSION}")]
     Version(u16),
     /// Shorter than its header says.
     #[error("settings block is shorter than its header says")]

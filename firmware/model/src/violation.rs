@@ -134,7 +134,7 @@ pub enum Bound {
     #[error("must be below the mass of the bead")]
     BelowBead,
     /// 0 or more, and below the mass of the bead without its intruder.
-    #[error("must be a part of the bead's mass without its intruder")]
+    #[error("must be 0 or more, and below the bead's mass without its intruder")]
     BelowHost,
     /// From `least` to `most`, in the unit of the setting.
     #[error("is out of its range")]
@@ -151,7 +151,7 @@ pub enum Bound {
     #[error("is not UTF-8, or has a control character")]
     Text,
     /// Digits from 1 to 6, each at most once.
-    #[error("names no beads behind")]
+    #[error("is not a set of beads behind")]
     Places,
     /// 0 to 6.
     #[error("is not the place of one of the six beads behind")]
@@ -169,7 +169,7 @@ pub enum Bound {
         samples: f64,
     },
     /// A coefficient that its format holds to 1e-4 of itself.
-    #[error("gives a coefficient that its format does not hold")]
+    #[error("gives a coefficient that does not fit its format")]
     Format {
         /// The coefficient.
         coefficient: Coefficient,
@@ -188,10 +188,10 @@ pub enum Bound {
     #[error("is below f_s/4π")]
     Pole,
     /// Codes that reach less far than the sums: 32 kN, less for a small bead, or 65 km/s².
-    #[error("gives codes that reach beyond 32 kN, for a small bead less, or 65 km/s²")]
+    #[error("gives codes that reach beyond 32 kN (less for a small bead) or 65 km/s²")]
     Reach,
     /// A history of at least 128 samples.
-    #[error("is shorter than 128 samples: 64 for the zeros, 32 for the noise, 32 of the wave's foot")]
+    #[error("is shorter than 128 samples: 64 for the zeros, 32 for the noise, 32 for the wave's foot")]
     LongHistory,
     /// A history of at most 256 samples.
     #[error("is longer than 256 samples")]
@@ -215,7 +215,7 @@ pub enum Bound {
     #[error("is before the calibration")]
     AfterCalibration,
     /// With the two other correlations a matrix of correlations: positive semidefinite.
-    #[error("is not possible beside the two other correlations")]
+    #[error("is not possible together with the other two correlations")]
     Correlations,
 }
 

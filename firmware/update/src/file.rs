@@ -18,19 +18,19 @@ pub enum FileError {
     #[error("this is not a 32-bit ELF file ({0})")]
     NotElf(String),
     /// No bytes in the place of an image.
-    #[error("it has no image at {:#010x}, behind a loader: it is older than updates over the line", FLASH + Layout::BEAD.active.start)]
+    #[error("the file has no image at {:#010x}, behind a loader: it is older than updates over the line", FLASH + Layout::BEAD.active.start)]
     NoImage,
     /// More bytes than there is room for.
-    #[error("the image has {0} bytes, and there is room for {room}", room = Layout::BEAD.capacity())]
+    #[error("the image has {0} bytes, but there is room for only {room}", room = Layout::BEAD.capacity())]
     TooLong(usize),
     /// Board or version is too long, or not plain text.
-    #[error("`{0}` is no name of a board or version of an image")]
+    #[error("`{0}` is not a valid board and version of an image")]
     Name(String),
     /// No manifest at the end.
     #[error("the image is not signed")]
     Unsigned,
     /// The manifest is that of another image.
-    #[error("the image was changed after it was signed, or is cut")]
+    #[error("the image was changed after it was signed, or is cut short")]
     Changed,
 }
 
@@ -99,7 +99,7 @@ fn image(file: &[u8]) -> Result<Vec<u8>, FileError> {
             continue;
         };
         let bytes = header.data(endian, file);
-        let bytes = bytes.map_err(|()| FileError::NotElf("a segment is cut".into()))?;
+        let bytes = bytes.map_err(|()| FileError::NotElf("a segment is cut short".into()))?;
         let end = place as usize + bytes.len();
         if header.p_type(endian) != PT_LOAD || bytes.is_empty() {
             continue;

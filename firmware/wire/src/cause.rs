@@ -30,13 +30,13 @@ pub enum Cause {
     #[error("CRC differs")]
     Crc,
     /// A version that this one cannot read.
-    #[error("version {0} of the protocol is not known here; use {program}", program = reader(*.0))]
+    #[error("version {0} of the protocol is unknown here; use {program}", program = reader(*.0))]
     Version(u8),
     /// A kind that this version does not know.
     #[error("kind {0} is unknown")]
     Kind(u8),
     /// The body does not fit the kind.
-    #[error("body is no message of its kind")]
+    #[error("body is not a message of its kind")]
     Body,
     /// Bytes are left over after the body.
     #[error("body goes on after its message")]

@@ -32,10 +32,10 @@ pub enum CodeError {
     #[error("ADC code {0} is above 4095")]
     TooHigh(u16),
     /// The scans need more than this number of bytes.
-    #[error("the scans need more than the {0} bytes there are")]
+    #[error("the scans do not fit in {0} bytes")]
     TooMany(usize),
     /// The number of bytes is not a multiple of three.
-    #[error("{0} bytes are no whole number of scans of 3 bytes")]
+    #[error("{0} bytes are not a whole number of scans of 3 bytes")]
     PartialScan(usize),
 }
 

@@ -88,7 +88,7 @@ pub type Inner = BoundedBytes<MAX_INNER>;
 
 /// The length of a block that does not fit a frame, in bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("a settings block of {0} bytes; a frame takes at most {MAX_BLOCK}")]
+#[error("a settings block of {0} bytes is too long; a frame takes at most {MAX_BLOCK}")]
 pub struct BlockTooLong(pub usize);
 
 impl<const N: usize> BoundedBytes<N> {

@@ -82,7 +82,7 @@ pub struct Exception {
 
 /// Bits of CFSR and their meaning.
 const CAUSES: [(u32, &str); 16] = [
-    (0, "the MPU forbids to execute there"),
+    (0, "the MPU forbids execution there"),
     (1, "the MPU forbids the access"),
     (3, "the MPU forbids the stack at a return"),
     (4, "the MPU forbids the stack at an entry"),
@@ -93,7 +93,7 @@ const CAUSES: [(u32, &str); 16] = [
     (12, "no memory for the stack at an entry"),
     (16, "an undefined instruction"),
     (17, "a jump to an address without its Thumb bit"),
-    (18, "a wrong return from an exception"),
+    (18, "an invalid return from an exception"),
     (19, "the FPU is off"),
     (24, "an unaligned access"),
     (25, "a division by zero"),
@@ -105,7 +105,7 @@ impl Exception {
         let set = CAUSES.iter().filter(|(n, _)| self.cfsr >> n & 1 == 1);
         let said: Vec<_> = set.map(|(_, what)| *what).collect();
         match self.breakpoint {
-            Some(0xab) => "a semihosting call, which Run::semihosting lets through".into(),
+            Some(0xab) => "a semihosting call, which --semihosting (Run::semihosting) allows".into(),
             Some(number) => format!("BKPT {number:#04x} without a debugger"),
             // HFSR.VECTTBL.
             None if self.hfsr >> 1 & 1 == 1 => "no memory for the vector".into(),

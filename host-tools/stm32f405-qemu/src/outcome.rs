@@ -85,7 +85,7 @@ impl Outcome {
         let last = self
             .log
             .last()
-            .map(|line| format!("; the last of its log: {line}"));
+            .map(|line| format!("; the last line of its log: {line}"));
         let last = last.unwrap_or_default();
         let fault = self
             .exceptions
@@ -100,22 +100,24 @@ impl Outcome {
                 let at = self.panics.last().map_or(0.0, |at| *at as f64 * 1e-9);
                 format!("the image panicked at {at:.6} s{last}")
             }
-            RunEnd::Faulted => format!("the image stands in the handler of a fault: {fault}{last}"),
+            RunEnd::Faulted => format!("the image is in a fault handler: {fault}{last}"),
             RunEnd::LockedUp(at) => {
                 let at = at.as_ref().map(|at| format!(" at {at}")).unwrap_or_default();
-                let had = if fault.is_empty() { "" } else { "; it had " };
+                let had = if fault.is_empty() {
+                    ""
+                } else {
+                    "; the last fault was "
+                };
                 format!(
-                    "the processor locked up{at}: a fault in the handler of a fault, or no image at the reset vector\
+                    "the processor locked up{at}: a fault in a fault handler, or no image at the reset vector\
                      {had}{fault}{last}"
                 )
             }
             RunEnd::Hung(at) => {
-                format!(
-                    "the image hangs: it is in an endless loop at {at}, and no interrupt is to come{last}"
-                )
+                format!("the image hangs: it is in an endless loop at {at}, and no interrupt will come{last}")
             }
             RunEnd::Stuck(register) => {
-                format!("the image does nothing but read {register}, which no model knows{place}")
+                format!("the image does nothing but read {register}{place}; no model knows that register")
             }
             RunEnd::Stopped => format!("the run was stopped{place}"),
             RunEnd::QemuEnded(how) => format!("QEMU ended{place} ({how})"),

@@ -123,7 +123,7 @@ impl Run {
         outcome.name_functions(|place| image.name(place));
         let missing = outcome.pins.iter().filter(|pin| !self.chip.has_pin(&pin.name));
         let missing: Vec<_> = missing
-            .map(|pin| format!("GPIO {} moved, and the {} has no such pin", pin.name, self.chip))
+            .map(|pin| format!("GPIO {} moved, but the {} has no such pin", pin.name, self.chip))
             .collect();
         outcome.unmodelled.extend(missing);
         match outcome.end {
@@ -147,7 +147,7 @@ impl Run {
         };
         let refused = || {
             let what = format!("the shift (Run::shift, {NAME}) is {said:?}");
-            RunError::Input(what + "; give 0 to 10, for 1 to 1024 ns an instruction")
+            RunError::Input(what + "; give 0 to 10, for 1 to 1024 ns per instruction")
         };
         shift.filter(|shift| *shift <= 10).ok_or_else(refused)
     }
@@ -156,7 +156,7 @@ impl Run {
     fn describe(&self, image: &Image, live: bool) -> Result<RunDescription<'_>, RunError> {
         let (labels, functions) = image.find(&self.functions)?;
         let position = |work: &String| {
-            let what = format!("{work:?} is said to be work and is no label of a function");
+            let what = format!("{work:?} is listed as work, but is not the label of a function");
             let unknown = || RunError::Input(what);
             labels.iter().position(|label| label == work).ok_or_else(unknown)
         };
@@ -233,7 +233,7 @@ impl Run {
         }
         let ppm = self.hse_ppm;
         if ppm.is_nan() || ppm.abs() >= 1000.0 {
-            let what = format!("a crystal that is off by {ppm} ppm; give less than 1000");
+            let what = format!("the crystal is off by {ppm} ppm; give less than 1000");
             return refused(what);
         }
         self.pin_inputs
@@ -257,7 +257,7 @@ impl Run {
             if !(0..3).any(|adc| (0..16).any(|channel| analog_pin(adc, channel) == pin(&wire.to))) {
                 let to = &wire.to;
                 return refused(format!(
-                    "an analog wire leads to {to}, which is no input of a converter"
+                    "an analog wire leads to {to}, which is not an input of a converter"
                 ));
             }
         }
@@ -302,7 +302,7 @@ fn loader(folder: &RunFolder, name: &str, address: u32, bytes: &[u8]) -> Result<
 /// Refuses a port at which QEMU's stub cannot listen. QEMU reports this only after it has started.
 fn check_port(port: u16) -> Result<(), RunError> {
     let taken = |error| {
-        let what = format!("a debugger cannot come to port {port} of this computer ({error})");
+        let what = format!("a debugger cannot connect to port {port} of this computer ({error})");
         RunError::Input(what + "; give another port for gdb")
     };
     TcpListener::bind((Ipv4Addr::LOCALHOST, port))

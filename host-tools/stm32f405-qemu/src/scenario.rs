@@ -214,7 +214,7 @@ impl Source<'_> {
         if times.get_ref().windows(2).all(|pair| pair[0].0 < pair[1].0) {
             return Ok(());
         }
-        Err(self.error(times.span(), "the times are not in order, one after the other"))
+        Err(self.error(times.span(), "the times are not in ascending order"))
     }
 }
 
@@ -268,7 +268,7 @@ impl Scenario {
             let before = entry.at.0 / period_ns;
             if before + codes.len() as u64 > MOST_CODES {
                 return Err(refused(format!(
-                    "more than {MOST_CODES} values with the time before it"
+                    "the waveform has more than {MOST_CODES} values, with the time before it"
                 )));
             }
             let first = codes.first().copied().unwrap_or(0);
@@ -337,7 +337,7 @@ impl Scenario {
         let early = self.ends.iter().filter(|wave| wave.ends_ns < outcome.virtual_ns);
         let line = |wave: &WaveEnd| {
             format!(
-                "the waveform at {} ended at {:.6} s of {:.6}: its last value stood",
+                "the waveform at {} ended at {:.6} s of {:.6}: its last value stayed",
                 wave.pin,
                 wave.ends_ns as f64 * 1e-9,
                 outcome.virtual_ns as f64 * 1e-9
@@ -353,11 +353,11 @@ impl Clock {
         source.check_range(
             &self.crystal_hz,
             4_000_000..=26_000_000,
-            "the crystal has 4 to 26 MHz",
+            "the crystal must have 4 to 26 MHz",
         )?;
-        let what = "the crystal is off by less than 1000 ppm";
+        let what = "the crystal must be off by less than 1000 ppm";
         source.check_range(&self.crystal_ppm, -999.0..=999.0, what)?;
-        source.check_range(&self.lsi_hz, 17_000..=47_000, "LSI has 17 to 47 kHz")
+        source.check_range(&self.lsi_hz, 17_000..=47_000, "LSI must have 17 to 47 kHz")
     }
 }
 
@@ -379,14 +379,14 @@ impl File {
             let lasts = button.lasts.get_ref().0;
             let overlap = |pair: &[Time]| pair[1].0 - pair[0].0 <= lasts;
             if lasts == 0 || button.pressed.get_ref().windows(2).any(overlap) {
-                let what = "the button is not let go before it is pressed again";
+                let what = "the button is not released before it is pressed again";
                 return Err(source.error(button.lasts.span(), what));
             }
         }
         for uart in &self.uart {
             source.check_port(&uart.port)?;
             if uart.text.is_some() == uart.bytes.is_some() {
-                let what = "give text or bytes, one of them";
+                let what = "give either text or bytes";
                 return Err(source.error(uart.port.span(), what));
             }
         }
@@ -395,7 +395,7 @@ impl File {
         }
         for supply in &self.supply {
             if !(0.0..=3.6).contains(supply.volts.get_ref()) {
-                return Err(source.error(supply.volts.span(), "the supply is 0 to 3.6 V"));
+                return Err(source.error(supply.volts.span(), "the supply must be 0 to 3.6 V"));
             }
         }
         for fault in &self.fault {
@@ -418,7 +418,7 @@ impl File {
         }
         for wire in &self.analog_wire {
             if !["PA4", "PA5"].contains(&wire.from.get_ref().as_str()) {
-                let what = "an analog wire begins at an output of the DAC, PA4 or PA5";
+                let what = "an analog wire must begin at an output of the DAC, PA4 or PA5";
                 return Err(source.error(wire.from.span(), what));
             }
         }
@@ -571,39 +571,42 @@ mod tests {
             ("[[pin]]\npin='PA0'\nchange=[]", "3:1: unknown field `change`"),
             (
                 "[[pin]]\npin='PA0'\nchanges=['2ms', '1ms']",
-                "3:9: the times are not in order",
+                "3:9: the times are not in ascending order",
             ),
             (
                 "[[pin]]\npin='PA0'\nchanges=['soon']",
-                "3:10: \"soon\" is no time",
+                "3:10: \"soon\" is not a time",
             ),
             (
                 "[[uart]]\nport='USART9'\nat=0",
                 "2:6: there is no USART \"USART9\"",
             ),
-            ("[[uart]]\nport='USART1'\nat=0", "2:6: give text or bytes"),
+            ("[[uart]]\nport='USART1'\nat=0", "2:6: give either text or bytes"),
             ("[[fault]]\nat=0\nkind='luck'", "3:6: there is no fault \"luck\""),
-            ("[[supply]]\nat=0\nvolts=5", "3:7: the supply is 0 to 3.6 V"),
+            ("[[supply]]\nat=0\nvolts=5", "3:7: the supply must be 0 to 3.6 V"),
             ("[[waveform]]\npin='PC0'\nfile='no.csv'", "3:6: cannot read"),
             (
                 "[[waveform]]\npin='PC0'\nfile='two.csv'",
-                "3:6: it has the columns t, x, y: give one",
+                "3:6: the file has the columns t, x, y: give one",
             ),
             (
                 "[[waveform]]\npin='PC0'\nfile='ramp.csv'\ncolumn='y'",
-                "3:6: it has no column \"y\", but t, x",
+                "3:6: the file has no column \"y\", only t, x",
             ),
             (
                 "[[waveform]]\npin='PC0'\nfile='bad.csv'\ncolumn='x'",
-                "3:6: line 3: \"two\" is no number",
+                "3:6: line 3: \"two\" is not a number",
             ),
             (
                 "[[waveform]]\npin='PC0'\nfile='ramp.csv'\ncolumn='x'\ngain=2000",
-                "3:6: value 2 makes 6000, which is no code of 0 to 4095",
+                "3:6: value 2 gives 6000, which is not a code from 0 to 4095",
             ),
-            ("[clock]\ncrystal_hz = 27_000_000", "2:14: the crystal has 4"),
-            ("[clock]\ncrystal_ppm = 2000", "2:15: the crystal is off"),
-            ("[clock]\nlsi_hz = 50_000", "2:10: LSI has 17 to 47 kHz"),
+            (
+                "[clock]\ncrystal_hz = 27_000_000",
+                "2:14: the crystal must have 4",
+            ),
+            ("[clock]\ncrystal_ppm = 2000", "2:15: the crystal must be off"),
+            ("[clock]\nlsi_hz = 50_000", "2:10: LSI must have 17 to 47 kHz"),
             ("pin = 5", "1:7: invalid type"),
         ] {
             let found = read(text).unwrap_err();
@@ -622,7 +625,7 @@ mod tests {
         let said = read(wave).unwrap().ended_early(&outcome);
         assert_eq!(
             said,
-            ["the waveform at PC0 ended at 0.003000 s of 0.005000: its last value stood"]
+            ["the waveform at PC0 ended at 0.003000 s of 0.005000: its last value stayed"]
         );
         let stays = format!("{wave}stays = true\n");
         assert_eq!(read(&stays).unwrap().ended_early(&outcome), [""; 0]);

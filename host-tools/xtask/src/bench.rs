@@ -21,7 +21,7 @@ pub(crate) fn bench(steps: &Steps, words: &[&String]) -> Result<(), Stop> {
             let build = CommandLine::new("cargo build --release --package hertz-benchmarks --target-dir")
                 .arg(&folder)
                 .env("RUSTFLAGS", "-C target-cpu=native");
-            steps.run("the same program for this processor alone", &build)?;
+            steps.run("the same program, only for this processor", &build)?;
             line = line.arg(folder.join("release/hertz-benchmarks"));
         }
     }

@@ -79,7 +79,7 @@ fn let_it_have_the_libraries(steps: &Steps, apart: &Path) -> Result<(), Stop> {
         files::make(folder)?;
         // With their times, by which cargo knows that they are fresh.
         let copy = CommandLine::new("cp -Rp").arg(&from).arg(folder);
-        steps.run("its libraries, from those of the first board", &copy)?;
+        steps.run("its libraries, copied from those of the first board", &copy)?;
     }
     Ok(())
 }
@@ -98,7 +98,7 @@ fn works<'a>(table: &str, name: &'a str) -> Result<&'a str, Stop> {
                 .map(|row| row[0])
                 .collect();
             Err(Stop::failed(format!(
-                "`{name}` is no board of {TABLE}; give one of {}, or `boards` for all",
+                "`{name}` is not a board of {TABLE}; give one of {}, or `boards` for all",
                 names.join(", ")
             )))
         }

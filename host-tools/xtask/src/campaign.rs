@@ -14,7 +14,10 @@ use crate::step::{CommandLine, Steps, Stop};
 pub(crate) fn campaign(steps: &Steps, words: &[&String]) -> Result<(), Stop> {
     if words == ["update"] {
         let line = "cargo test --release -p bead-update --test power_cuts -- --ignored --nocapture";
-        return steps.run("an update, cut in each operation", &CommandLine::new(line));
+        return steps.run(
+            "an update, with a power cut in each operation",
+            &CommandLine::new(line),
+        );
     }
     let number = |word: &&String| word.parse::<u64>().is_ok();
     let good = match words {
@@ -24,7 +27,7 @@ pub(crate) fn campaign(steps: &Steps, words: &[&String]) -> Result<(), Stop> {
     };
     if !good {
         return Err(Stop::failed(
-            "give how many scripts, and perhaps the number that draws the first: `campaign 300 --seed 1000`; or `update`",
+            "give the number of scripts, and optionally the seed of the first: `campaign 300 --seed 1000`; or `update`",
         ));
     }
     setup(steps, Need::Run)?;

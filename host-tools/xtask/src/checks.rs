@@ -19,7 +19,7 @@ pub(crate) fn compare(book: &Path, fresh: &Path) -> Result<usize, Stop> {
     let rows = fresh_text.lines().count();
     let differs = |line: &str| {
         Stop::failed(format!(
-            "{} is not what the figures came to at `{line}`; copy {} over it",
+            "{} differs from the results of the figures at `{line}`; copy {} over it",
             book.display(),
             fresh.display()
         ))

@@ -53,11 +53,11 @@ pub(crate) fn measure(steps: &Steps, words: &[&String]) -> Result<(), Stop> {
     write(&folder.join("unreached.txt"), lines.unreached())?;
     let share = share(lines.table());
     steps.announce(&format!(
-        "{} and unreached.txt beside it have the lines and functions",
+        "the lines and functions are in {} and unreached.txt next to it",
         folder.join("image.lcov").display()
     ));
     if share < LEAST {
-        let what = "of the image's own lines are reached, and 90 % are asked for";
+        let what = "of the image's own lines are reached, but 90 % are required";
         return Err(Stop::failed(format!("{:.1} % {what}", 100.0 * share)));
     }
     Ok(())
@@ -103,7 +103,7 @@ fn images(steps: &Steps, runs: &Path) -> Result<Vec<PathBuf>, Stop> {
     found.retain(is_image);
     if found.is_empty() {
         return Err(Stop::failed(format!(
-            "{} has no run of the image that is built now; `cargo xtask coverage` runs the tests",
+            "{} has no run of the current image; `cargo xtask coverage` runs the tests",
             runs.display()
         )));
     }

@@ -15,18 +15,18 @@ const BESIDE: [&str; 4] = ["LICENSE-MIT", "LICENSE-APACHE", "THIRD-PARTY.md", "C
 const README: &str = "\
 # bead
 
-The host tools of the sensing absorber bead. [docs/first-strike.md](docs/first-strike.md) goes from here to your own
-strike in pandas in ten minutes. QEMU (`qemu-system-arm`) is all that has to be there.
+The host tools of the sensing absorber bead. [docs/first-strike.md](docs/first-strike.md) leads from here to your
+own strike in pandas in ten minutes. All that you need is QEMU (`qemu-system-arm`).
 
 | | |
 |---|---|
 | `bead` | the program; put it into a folder of your PATH |
-| `bead-figures` | what `bead figures` runs; put it beside `bead` |
+| `bead-figures` | what `bead figures` runs; put it next to `bead` |
 | `docs/` | the book, and scenarios to start from |
 | `completions/` | for bash, zsh (`_bead`) and fish |
 | `man/` | manual pages: `man -M man bead` |
 | `firmware/` | the image for each board, which `bead flash --board NAME` finds there, and their SHA-256: docs/how-to.md |
-| `THIRD-PARTY.md`, `notices/` | the packages of others in programs and image: licences, their texts, bills of materials (CycloneDX) |
+| `THIRD-PARTY.md`, `notices/` | third-party packages in the programs and the image: licences, their texts, bills of materials (CycloneDX) |
 ";
 
 /// The programs, and where each is built from.
@@ -70,7 +70,7 @@ pub(crate) fn make(steps: &Steps, image: &Path) -> Result<(), Stop> {
         let size = fs::metadata(packed.join(program)).map_or(0, |file| file.len());
         if size > MOST {
             return Err(Stop::failed(format!(
-                "{program} has {size} bytes, and {MOST} at most are meant"
+                "{program} has {size} bytes, but at most {MOST} are allowed"
             )));
         }
     }
@@ -115,7 +115,7 @@ pub(crate) fn make(steps: &Steps, image: &Path) -> Result<(), Stop> {
     steps.run("the archive", &pack.arg(&root).arg(&name))?;
     // As `sha256sum --check` reads it, beside the archive.
     let sum = CommandLine::new("sha256sum").arg(&file).within(&root);
-    let sum = steps.read("its SHA-256", &sum)?;
+    let sum = steps.read("the SHA-256 of the archive", &sum)?;
     write(&root.join(format!("{file}.sha256")), sum)?;
 
     try_out(steps, &archive, &name)?;

@@ -32,7 +32,7 @@ pub(crate) fn fuzz(steps: &Steps, words: &[&String]) -> Result<(), Stop> {
             (None, None) => {
                 let all = all.join(", ");
                 return Err(Stop::failed(format!(
-                    "`{word}` is no target and no time; give one of {all}, or a time such as 90s, 10m or 1h"
+                    "`{word}` is neither a target nor a time; give one of {all}, or a time such as 90s, 10m or 1h"
                 )));
             }
         }

@@ -34,7 +34,7 @@ pub(crate) fn print(steps: &Steps) -> Result<(), Stop> {
         sum = [sum[0] + source, sum[1] + tests];
     }
     println!(
-        "{:<34} {:>7} {:>7}  together {}",
+        "{:<34} {:>7} {:>7}  total {}",
         "all",
         sum[0],
         sum[1],

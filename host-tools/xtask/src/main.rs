@@ -62,8 +62,8 @@ const TASKS: &[XtaskCommand] = &[
     XtaskCommand {
         name: "setup",
         about: "Install what is missing: Rust's thumbv7em-none-eabihf target and QEMU's qemu-system-arm",
-        more: "It says what it installs before it does, and removes nothing. QEMU comes by apt, as root or with a sudo \
-               that asks for no password. Elsewhere it prints the command for this system and ends with status 3. A \
+        more: "It says what it installs before it does so, and removes nothing. QEMU comes from apt, as root or with a \
+               sudo that asks for no password. Elsewhere it prints the command for this system and ends with status 3. A \
                second run changes nothing.",
         run: TaskFunction::Alone(|steps| setup(steps, Need::Check)),
     },
@@ -71,12 +71,12 @@ const TASKS: &[XtaskCommand] = &[
         name: "build",
         about: "Build the flash image and, in release, the host tools; or the image for a BOARD, such as `weact-f405`",
         more: "The boards are the rows of firmware/boards.txt; `boards` builds the images of all. They are left in \
-               target/boards. The image that the other commands take is for the first board.",
+               target/boards. The other commands take the image for the first board.",
         run: TaskFunction::WithWords(boards::build),
     },
     XtaskCommand {
         name: "public-key",
-        about: "Print the public part of the key in a FILE, with which images are signed: for BEAD_UPDATE_KEY",
+        about: "Print the public part of the signing key in a FILE, for BEAD_UPDATE_KEY",
         more: "The file has 64 hexadecimal digits; BEAD_SIGNING_KEY names it to `build`. docs/security.md says how to make \
                one.",
         run: TaskFunction::WithWords(image::public_key),
@@ -93,8 +93,8 @@ const TASKS: &[XtaskCommand] = &[
     XtaskCommand {
         name: "chain",
         about: "Simulate a strike on a row of ten absorbers, run the flash image inside each in QEMU, compare them all",
-        more: "It is Fig. 5 of the paper by measurement: what ten beads sense of one strike, on one time, and the energy \
-               that their intruders leave. The recording, the pictures and report.html land in target/chain.",
+        more: "It reproduces Fig. 5 of the paper by measurement: what ten beads sense of one strike, on a common time, \
+               and the energy that their intruders leave. The recording, the pictures and report.html land in target/chain.",
         run: TaskFunction::Alone(|steps| {
             demo::build(steps, DEMO)?;
             demo::row(steps)
@@ -104,7 +104,7 @@ const TASKS: &[XtaskCommand] = &[
         name: "test",
         about: "Run every check, on the host and in QEMU: format, lints, documentation, builds, tests",
         more: "It takes about half an hour on two cores if nothing is compiled yet. It stops at the first step that fails, \
-               with the command that repeats this step.",
+               and prints the command that repeats this step.",
         run: TaskFunction::Alone(test::test),
     },
     XtaskCommand {
@@ -125,9 +125,9 @@ const TASKS: &[XtaskCommand] = &[
     XtaskCommand {
         name: "coverage",
         about: "Run the tests that run the image, and list the lines of the image that none of them reaches",
-        more: "What counts is the flash image itself, in QEMU: a line is reached if an instruction of it was executed. It \
+        more: "It measures the flash image itself, in QEMU: a line is reached if one of its instructions was executed. It \
                leaves image.lcov and unreached.txt in target/coverage, prints a table by file, and fails below 90 % of \
-               the image's own lines. `join` joins what is there, and runs nothing.",
+               the image's own lines. `join` combines the runs that are there, and runs no test.",
         run: TaskFunction::WithWords(coverage::measure),
     },
     XtaskCommand {
@@ -150,26 +150,26 @@ const TASKS: &[XtaskCommand] = &[
     XtaskCommand {
         name: "bench",
         about: "Time the chain simulator and general solvers side by side, for a given error; takes some minutes",
-        more: "`monitor` benchmarks `bead monitor` instead, for ten minutes; `emulator` how fast firmware waits in the \
-               emulator. Other words go to the benchmark: \
+        more: "`monitor` benchmarks `bead monitor` instead, for ten minutes; `emulator` measures how fast firmware waits \
+               in the emulator. Other words are options of the benchmark: \
                `--format json`; `--quick`; `--peers` for a solver of Python too; \
-               `--native` to compare with a program compiled for this processor alone; `--plots FOLDER` for pictures. \
-               What it compares with is compiled for it alone. docs/benchmarks.md says how to read it.",
+               `--native` to compare with a program compiled only for this processor; `--plots FOLDER` for pictures. \
+               The other solvers are compiled only for this command. docs/benchmarks.md says how to read it.",
         run: TaskFunction::WithWords(bench::bench),
     },
     XtaskCommand {
         name: "public-images",
-        about: "Build the examples of stm32f4xx-hal, run each in the emulator, and print what came of it; takes some minutes",
-        more: "host-tools/xtask/public-images.toml says which, and what is expected; it fails if one does something else. \
+        about: "Build the examples of stm32f4xx-hal, run each in the emulator, and print the results; takes some minutes",
+        more: "host-tools/xtask/public-images.toml lists them and what is expected; it fails if one does something else. \
                It needs a network. `test` does not run it. docs/emulator.md has the count.",
         run: TaskFunction::Alone(public_images::check),
     },
     XtaskCommand {
         name: "dist",
         about: "Make the archive of a release in target/dist, and try it from an empty folder without Rust",
-        more: "In it are `bead` as `cargo install --path host-tools/bead` makes it, with the emulator's overlay and the flash \
+        more: "It has `bead` as `cargo install --path host-tools/bead` makes it, with the emulator's overlay and the flash \
                image inside, completions, manual pages, the book, notices, bills of materials, and the images for all boards \
-               with their SHA-256. Beside it lies its own.",
+               with their SHA-256. The archive's own SHA-256 is next to it.",
         run: TaskFunction::Alone(|steps| {
             setup(steps, Need::Run)?;
             boards::build_images(steps)?;
@@ -189,7 +189,7 @@ const TASKS: &[XtaskCommand] = &[
         name: "reproducible",
         about: "Build the images for all boards in another folder with another home too, and compare all bytes",
         more: "It takes as long as a first build of the image, and a minute more for each board. It prints the SHA-256 of \
-               each, which are those of `dist`. What is built is the commit, so sources of the image must \
+               each, the same as those of `dist`. It builds the commit, so sources of the image must \
                not differ from it.",
         run: TaskFunction::Alone(|steps| {
             setup(steps, Need::Run)?;
@@ -210,15 +210,15 @@ const TASKS: &[XtaskCommand] = &[
     },
     XtaskCommand {
         name: "mutants",
-        about: "Make mistakes in a copy, one by one, and see that checks and tests notice each: [PART] [SHARD]",
-        more: "Alone it makes mistakes in the physics, which the figures' checks must notice. `model`, `wire`, `store` \
-               and `solver` are parts whose code cargo-mutants changes in many places; all of one takes an hour, `store \
+        about: "Make mistakes in a copy of the code, one by one, and check that each is noticed: [PART] [SHARD]",
+        more: "Without a PART it makes mistakes in the physics, which the figures' checks must notice. `model`, `wire`, `store` \
+               and `solver` are parts whose code cargo-mutants changes in many places; a whole part takes an hour, `store \
                0/16` a sixteenth of that. It installs cargo-mutants into target/tools if it is missing.",
         run: TaskFunction::WithWords(mutants::check),
     },
     XtaskCommand {
         name: "fuzz",
-        about: "Look for inputs that break a reader, by libFuzzer: [TARGET] [TIME], such as `frames 1h`; all for a minute each",
+        about: "Look for inputs that break a reader, with libFuzzer: [TARGET] [TIME], such as `frames 1h`; all for a minute each",
         more: "It needs Rust's nightly and cargo-fuzz, and says how to install them. The first build takes some minutes. \
                What it learns stays in target/fuzz/corpus; an input that breaks something is left in target/fuzz/found. \
                docs/reliability.md names the targets.",
@@ -226,17 +226,17 @@ const TASKS: &[XtaskCommand] = &[
     },
     XtaskCommand {
         name: "campaign",
-        about: "Run the image under scripts of faults that chance draws: N [--seed S], such as `300`; two a second; or cut \
-                the power in each operation of an update: `update`",
-        more: "A script that fails is made smaller as long as it fails, and left in target/campaign: it can join those \
-               in fuzz/scripts, which `test` runs. docs/reliability.md says what has to hold.",
+        about: "Run the image under N random scripts of faults, two a second: N [--seed S], such as `300`; or cut the \
+                power in each operation of an update: `update`",
+        more: "A script that fails is made smaller while it still fails, and left in target/campaign: it can be added to \
+               those in fuzz/scripts, which `test` runs. docs/reliability.md says what has to hold.",
         run: TaskFunction::WithWords(campaign::campaign),
     },
     XtaskCommand {
         name: "miri",
-        about: "Run the tests of what runs on the bead under Miri, on a little-endian and on a big-endian machine",
+        about: "Run the tests of the bead's own code under Miri, on a little-endian and on a big-endian machine",
         more: "It needs Rust's nightly with its components miri and rust-src, and says how to install them. It takes \
-               about half an hour of a core, though loops are shorter than in `test`.",
+               about half an hour on one core, though loops are shorter than in `test`.",
         run: TaskFunction::Alone(miri::miri),
     },
 ];
@@ -293,8 +293,8 @@ mod tests {
     #[test]
     fn words_that_no_task_knows_are_refused_before_anything_is_built() {
         let steps = Steps::start().unwrap();
-        let fuzz = "`frame` is no target and no time; give one of beads, ";
-        let (campaign, mutants) = ("give how many", "give nothing, or one of model");
+        let fuzz = "`frame` is neither a target nor a time; give one of beads, ";
+        let (campaign, mutants) = ("give the number of scripts", "give nothing, or one of model");
         for (name, words, why) in [
             (
                 "build",

@@ -95,7 +95,7 @@ pub(crate) fn check(steps: &Steps, words: &[&String]) -> Result<(), Stop> {
     let Some(part) = part.filter(|_| words.len() <= 2 && is_shard(shard)) else {
         let parts = PARTS.map(|(name, ..)| name).join(", ");
         return Err(Stop::failed(format!(
-            "give nothing, or one of {parts}, and perhaps which shard of how many: `mutants store 0/16`"
+            "give nothing, or one of {parts}, and optionally a shard, such as 0 of 16: `mutants store 0/16`"
         )));
     };
     code(steps, part, shard)
@@ -121,7 +121,7 @@ fn code(steps: &Steps, part: (&str, &str, &str, &str), shard: &str) -> Result<()
         .words(skipped)
         .env("PROPTEST_DISABLE_FAILURE_PERSISTENCE", "1");
     // It ends with status 2 if a change was missed, and with 3 if one timed out.
-    let ran = steps.run(&format!("changes of {name}"), &changes);
+    let ran = steps.run(&format!("changes to {name}"), &changes);
     if let Err(stop) = ran.as_ref()
         && ![2, 3].contains(&stop.status)
     {
@@ -134,7 +134,9 @@ fn code(steps: &Steps, part: (&str, &str, &str, &str), shard: &str) -> Result<()
     let viable = noticed + count("missed.txt")?;
     let score = format!("{noticed} of {viable} changes were noticed");
     if viable == 0 || 100 * noticed < LEAST * viable {
-        return Err(Stop::failed(format!("{score}; {LEAST} of 100 are meant")));
+        return Err(Stop::failed(format!(
+            "{score}; at least {LEAST} of 100 are required"
+        )));
     }
     steps.announce(&score);
     Ok(())
@@ -169,7 +171,7 @@ fn physics(steps: &Steps) -> Result<(), Stop> {
             let text = read(&path)?;
             if text.matches(from).count() != 1 {
                 return Err(Stop::failed(format!(
-                    "`{from}` does not stand in {file} exactly once; rewrite the mutant"
+                    "`{from}` does not occur exactly once in {file}; rewrite the mutant"
                 )));
             }
             write(&path, text.replace(from, to))?;

@@ -50,7 +50,7 @@ pub(crate) fn check(steps: &Steps) -> Result<(), Stop> {
             }
         }
     }
-    println!("{works} work, {missing} say what is missing");
+    println!("{works} work, {missing} report what is missing");
     if other.is_empty() {
         return Ok(());
     }
@@ -66,7 +66,7 @@ fn copy(steps: &Steps, folder: &Path) -> Result<PathBuf, Stop> {
     let fetch = CommandLine::new("cargo fetch").within(&needs_it);
     steps.run("the source of stm32f4xx-hal", &fetch)?;
     let metadata = CommandLine::new("cargo metadata --format-version 1").within(&needs_it);
-    let metadata = steps.read("where cargo keeps it", &metadata)?;
+    let metadata = steps.read("where cargo keeps that source", &metadata)?;
     let metadata: serde_json::Value =
         serde_json::from_str(&metadata).map_err(|error| Stop::failed(format!("cargo metadata: {error}")))?;
     let mut packages = metadata["packages"].as_array().into_iter().flatten();

@@ -21,7 +21,7 @@ pub(crate) fn setup(steps: &Steps) -> Result<(), Stop> {
         return Ok(());
     }
     steps.run(
-        "a Python of its own",
+        "a separate Python environment",
         &CommandLine::new("python3 -m venv --clear").arg(&folder),
     )?;
     let install = CommandLine::program(&python)
@@ -39,7 +39,7 @@ pub(crate) fn setup_if_it_can_be(steps: &Steps) {
     if let Err(stop) = setup(steps) {
         eprintln!("{}", stop.message);
         steps.announce(
-            "SKIPPED: no Python with pandas, polars, pyuff and mcap reads what `bead export` writes",
+            "SKIPPED: the tests of what `bead export` writes, since pandas, polars, pyuff and mcap are missing",
         );
         // A half of it would be taken for the whole.
         let _ = std::fs::remove_dir_all(steps.target.join("python"));

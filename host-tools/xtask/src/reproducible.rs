@@ -25,7 +25,7 @@ pub(crate) fn check(steps: &Steps) -> Result<(), Stop> {
     let changed = CommandLine::new("git --no-optional-locks status --porcelain --").words(SOURCES);
     if !steps.read("what is not committed", &changed)?.is_empty() {
         return Err(Stop::failed(
-            "sources of the image differ from the commit, and the image names it: commit them first",
+            "sources of the image differ from the commit that the image names: commit them first",
         ));
     }
     boards::build_images(steps)?;
@@ -85,7 +85,7 @@ fn compare(board: &str, here: &Path, there: &Path) -> Result<(), Stop> {
         .take_while(|(one, other)| one == other)
         .count();
     Err(Stop::failed(format!(
-        "two folders and two homes give two images for {board}, of {} and {} bytes, which differ from byte {same:#x} on. \
+        "two folders and two homes give different images for {board}, of {} and {} bytes, which differ from byte {same:#x} on. \
          They are {} and {}",
         one.len(),
         other.len(),

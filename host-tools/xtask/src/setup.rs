@@ -52,7 +52,7 @@ fn rust(steps: &Steps, need: Need) -> Result<String, Stop> {
         rustup(steps, &format!("rustup target add {TARGET}"))?;
         if !target_installed() {
             return Err(Stop::missing(format!(
-                "rustup ran, and yet {version} has no {TARGET}: is another rustc first in PATH?"
+                "rustup ran, but {version} still has no {TARGET}: is another rustc first in PATH?"
             )));
         }
     }
@@ -75,8 +75,8 @@ fn target_installed() -> bool {
 fn rustup(steps: &Steps, line: &str) -> Result<(), Stop> {
     if find("rustup").is_none() {
         return Err(Stop::missing(format!(
-            "this Rust was not installed by rustup, so its package manager has to add what is missing, \
-             or rustup takes over: https://rustup.rs, then `{line}`"
+            "this Rust was not installed by rustup, so add what is missing by its package manager, \
+             or install rustup from https://rustup.rs and run `{line}`"
         )));
     }
     steps
@@ -92,7 +92,7 @@ fn qemu(steps: &Steps) -> Result<Version, Stop> {
     let said = output("qemu-system-arm --version").ok_or_else(|| {
         Stop::missing("`qemu-system-arm --version` fails: run it by hand to see why, or reinstall QEMU")
     })?;
-    let unread = || format!("`qemu-system-arm --version` says no version that xtask can read: {said}");
+    let unread = || format!("`qemu-system-arm --version` prints no version that xtask can read: {said}");
     let version = Version::parse(&said).ok_or_else(|| Stop::missing(unread()))?;
     if version < QEMU_OLDEST {
         return Err(Stop::missing(format!(
@@ -135,7 +135,7 @@ fn install_qemu(steps: &Steps) -> Result<(), Stop> {
     steps
         .run("set-up: QEMU", &CommandLine::new(&install))
         .map_err(|stop| Stop::missing(stop.message))?;
-    let missing = || Stop::missing("apt installed QEMU, and yet no qemu-system-arm is in PATH");
+    let missing = || Stop::missing("apt installed QEMU, but there is still no qemu-system-arm in PATH");
     find("qemu-system-arm").map(drop).ok_or_else(missing)
 }
 
@@ -203,7 +203,7 @@ fn plan(steps: &Steps) -> Result<(AptPlan, String), Stop> {
     let removed = first.removed.join(", ");
     Err(Stop::missing(format!(
         "apt would remove {removed} to install QEMU's qemu-system-arm, so nothing was installed. \
-         If you do without {removed}: sudo apt-get install {PACKAGE}"
+         If you can do without {removed}, run: sudo apt-get install {PACKAGE}"
     )))
 }
 

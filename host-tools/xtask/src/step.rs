@@ -135,8 +135,8 @@ impl Steps {
         let root = manifest.ancestors().nth(2).unwrap_or(manifest).to_owned();
         // Cargo has put this program into <target>/release: that honours CARGO_TARGET_DIR and cargo's
         // configuration.
-        let program =
-            std::env::current_exe().map_err(|error| Stop::failed(format!("where is xtask? {error}")))?;
+        let program = std::env::current_exe()
+            .map_err(|error| Stop::failed(format!("cannot find the path of xtask: {error}")))?;
         let target = program.ancestors().nth(2).unwrap_or(&root).to_owned();
         Ok(Steps {
             root,
@@ -272,7 +272,7 @@ impl Steps {
     /// Returns the output of a command that ended well.
     fn ended(&self, title: &str, line: &CommandLine, output: io::Result<Output>) -> Result<Output, Stop> {
         let (root, program) = (self.root.display(), &line.words[0]);
-        let repeat = format!("To repeat this step alone, in {root}:\n    {line}");
+        let repeat = format!("To repeat only this step, in {root}:\n    {line}");
         let cannot = |error| format!("\"{title}\" could not start `{program}`: {error}.\n{repeat}");
         let output = output.map_err(|error| Stop::missing(cannot(error)))?;
         let status = output.status;

@@ -49,8 +49,8 @@ const PAGE: &str = "THIRD-PARTY.md";
 const HEAD: &str = "\
 # What others made
 
-`cargo xtask notices` writes this page from what cargo links, and the check holds it to that. The archive of a release
-has the licences' texts beside it, and a bill of materials for each program. Where a package offers several licences,
+`cargo xtask notices` writes this page from what cargo links, and a check compares the two. The archive of a release
+has the licences' texts next to it, and a bill of materials for each program. Where a package offers several licences,
 it is taken under the first that [deny.toml](deny.toml) allows. The image has no copyleft in it. Rust's own `core`,
 `alloc` and `std` (MIT OR Apache-2.0) are in each program as well.
 ";
@@ -111,7 +111,7 @@ fn row(line: &str) -> Option<String> {
 pub(crate) fn check(steps: &Steps) -> Result<(), Stop> {
     if page(steps)? != read(&steps.root.join(PAGE))? {
         return Err(Stop::failed(format!(
-            "{PAGE} does not list what cargo links: `cargo xtask notices` writes it anew"
+            "{PAGE} does not list what cargo links: `cargo xtask notices` rewrites it"
         )));
     }
     if output("cargo deny --version").is_none() {

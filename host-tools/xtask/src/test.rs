@@ -46,7 +46,7 @@ pub(crate) fn test(steps: &Steps) -> Result<(), Stop> {
     steps.announce(&format!("{passed} tests passed"));
     let table = steps.root.join(steps.built(TABLE));
     let rows = checks::compare(&steps.root.join("docs/checks.md"), &table)?;
-    steps.announce(&format!("docs/checks.md tells the same in {rows} lines"));
+    steps.announce(&format!("docs/checks.md agrees in all {rows} lines"));
     demo_is_compiled(steps)?;
     demo::strike(steps)?;
     demo::row(steps)?;
@@ -145,7 +145,7 @@ fn demo_is_compiled(steps: &Steps) -> Result<(), Stop> {
     };
     let stale: Value = serde_json::from_str(stale).unwrap_or_default();
     Err(Stop::failed(format!(
-        "the demo would compile {} with the features {}, the tests compile it with others",
+        "the demo would compile {} with the features {}, but the tests compile it with others",
         stale["package_id"], stale["features"]
     )))
 }

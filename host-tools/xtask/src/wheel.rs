@@ -31,13 +31,13 @@ pub(crate) fn wheel(steps: &Steps) -> Result<(), Stop> {
         .words("--strict --cache-dir")
         .arg(steps.built("mypy"))
         .arg(format!("{PACKAGE}/python/hertz_chain"));
-    steps.run("its types", &types)?;
+    steps.run("the types of the package", &types)?;
     let demo = CommandLine::new("cargo build --release").words(DEMO);
-    steps.run("the command line beside which it is tried", &demo)?;
+    steps.run("the command line that the wheel is tried with", &demo)?;
 
     let empty = steps.built("wheel");
     steps.run(
-        "an environment without Rust and without anything",
+        "an empty environment without Rust",
         &CommandLine::new("python3 -m venv --clear").arg(&empty),
     )?;
     let [wheel] = &files::entries(&wheels)?[..] else {
@@ -60,7 +60,7 @@ pub(crate) fn wheel(steps: &Steps) -> Result<(), Stop> {
             &steps.root.join(steps.built("release/bead")).display().to_string(),
         )
         .env("REPOSITORY", &steps.root.display().to_string());
-    steps.run("its tests", &test)?;
+    steps.run("the tests of the package", &test)?;
     steps.announce(&format!("pip install {}", wheel.display()));
     Ok(())
 }

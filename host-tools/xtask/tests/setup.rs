@@ -182,7 +182,7 @@ fn an_install_that_fails_names_the_command_to_repeat() {
             &format!("{LOG}\ncase \"$1 $2\" in \"install {failing}\") exit 100 ;; esac"),
         );
         let said = machine.setup(3, commands);
-        assert!(said.contains("To repeat this step alone"), "{said}");
+        assert!(said.contains("To repeat only this step"), "{said}");
     }
 }
 

@@ -167,7 +167,7 @@ fn a_board_on_a_bench_is_checked_from_the_command_line_and_the_wires_are_what_th
                 "{kept}"
             );
             let again = bead.run(line);
-            assert!(again.0 == 2 && again.1.contains("is there already"), "{again:?}");
+            assert!(again.0 == 2 && again.1.contains("already exists"), "{again:?}");
         });
     }
 }
@@ -308,7 +308,7 @@ fn an_image_is_flashed_over_the_line_refused_and_taken_back_from_the_command_lin
         refused(
             &changed,
             2,
-            "the image was changed after it was signed, or is cut",
+            "the image was changed after it was signed, or is cut short",
         );
 
         // A line that was cut: the bead waits for the rest, and takes the whole anew.

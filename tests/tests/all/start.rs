@@ -149,7 +149,7 @@ fn the_clock_stands_still_while_a_sector_is_erased() {
         "{operations:?}"
     );
     let refused = answered.received.details();
-    assert_eq!(refused, ["what was stored is not whole, and was erased"]);
+    assert_eq!(refused, ["the store held no complete block, and was erased"]);
     assert_eq!(
         answered.outcome.resets,
         [],

@@ -141,7 +141,7 @@ fn settings_are_written_sixteen_at_once_and_then_only_so_often_whoever_asks_and_
     let (outcome, why) = bead.answer(&write(&windows_of(400)));
     assert_eq!(outcome, Outcome::TooSoon);
     assert!(
-        why.starts_with("flash is written every 10 s in the long run; again in "),
+        why.starts_with("flash is written at most every 10 s in the long run; try again in "),
         "{why}"
     );
     assert_eq!(bead.outcome(&Request::EraseSettings), Outcome::TooSoon);
@@ -225,13 +225,17 @@ fn a_request_for_a_scan_is_refused_while_none_comes() {
         assert_eq!(said, (Outcome::OutOfRange, why.to_owned()));
     };
     for index in [0, 7_000_000] {
-        refused(&mut bead, index, "its scan has to come within a minute from now");
+        refused(
+            &mut bead,
+            index,
+            "the requested scan must come within the next minute",
+        );
     }
     let state = bead.running.bead;
     state.update(|c| c.health.standing = c.health.standing.with(Standing::CRYSTAL_FAILED));
     refused(
         &mut bead,
         1000,
-        "no scan comes: the crystal does not run, or the part is another one",
+        "no scans come: the crystal does not run, or this is the wrong part",
     );
 }

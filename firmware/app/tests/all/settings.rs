@@ -88,7 +88,7 @@ fn what_a_start_finds_decides_which_settings_hold_what_it_tells_and_whether_it_l
         (
             block(&settings_at(50_000)),
             SettingsSource::FlashRefused,
-            Some("they are for another sample rate"),
+            Some("the settings are for another sample rate"),
             true,
         ),
         (
@@ -154,7 +154,7 @@ fn a_full_store_refuses_and_takes_more_after_a_reset() {
         assert_eq!(bead.outcome(&write(&windows_of(length))), Outcome::Done);
     }
     let refused = bead.answer(&write(&windows_of(304)));
-    let why = "no room in flash for another block; the next boot makes some";
+    let why = "no room in flash for another block; reboot the bead to make room";
     assert_eq!(refused, (Outcome::StoreFull, why.into()));
     let mut bead = bead.reboot(&Request::Reboot);
     assert_eq!(bead.outcome(&write(&windows_of(305))), Outcome::Done);

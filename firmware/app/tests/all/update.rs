@@ -145,7 +145,7 @@ fn what_is_not_for_this_bead_is_refused_before_anything_is_erased() {
         (signed(&ours, &[1; 32], true), unsigned),
         (
             begin(&image, |manifest| manifest.board = "pyboard"),
-            "the image is for pyboard, this is fake",
+            "the image is for pyboard, but this board is fake",
         ),
         (
             begin(&image, |manifest| manifest.version = "1.2.2"),
@@ -153,13 +153,13 @@ fn what_is_not_for_this_bead_is_refused_before_anything_is_erased() {
         ),
         (
             begin(&image, |manifest| manifest.length = 262_145),
-            "262145 bytes; an image has 1 to 262144",
+            "the image has 262145 bytes; 1 to 262144 are allowed",
         ),
         (
             begin(&image, |manifest| manifest.length = 0),
-            "0 bytes; an image has 1 to 262144",
+            "the image has 0 bytes; 1 to 262144 are allowed",
         ),
-        (cut, "what came is no manifest of an image"),
+        (cut, "the received bytes are not the manifest of an image"),
     ] {
         let mut bead = TestBead::new();
         assert_eq!(bead.answer(&request), (Outcome::ImageRefused, why.to_owned()));
@@ -191,7 +191,7 @@ fn a_bead_on_a_low_supply_or_without_a_crystal_takes_no_image() {
     let (outcome, why) = bead.answer(&request);
     assert_eq!(outcome, Outcome::ImageRefused);
     assert!(
-        why.starts_with("without a crystal no image passes its trial"),
+        why.starts_with("no image passes its trial without a crystal"),
         "{why}"
     );
 }
@@ -234,7 +234,7 @@ fn what_is_not_whole_or_not_the_image_that_was_announced_is_not_tried() {
     ] {
         let (outcome, why) = bead.answer(&request);
         assert_eq!(outcome, Outcome::ImageRefused);
-        assert!(why.starts_with("no image was begun"), "{why}");
+        assert!(why.starts_with("no update has begun"), "{why}");
     }
     // A piece is missing.
     let mut bead = begun(&image);
@@ -243,7 +243,7 @@ fn what_is_not_whole_or_not_the_image_that_was_announced_is_not_tried() {
     }
     let not_that = (
         Outcome::ImageRefused,
-        "what came is not the image that was announced: begin again".to_owned(),
+        "the received bytes are not the announced image: begin again".to_owned(),
     );
     assert_eq!(bead.answer(&Request::FinishUpdate), not_that);
     // One bit differs.

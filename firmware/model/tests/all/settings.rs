@@ -99,10 +99,13 @@ fn blocks_of_other_versions_are_refused_by_their_number() {
         let (expected, advice) = if matches!(version, 2..=6) {
             (
                 SettingsError::Unreleased(version),
-                ", unreleased: `bead settings make` makes it anew of its bead.toml",
+                ", unreleased: `bead settings make` remakes it from its bead.toml",
             )
         } else {
-            (SettingsError::Version(version), ", this program knows 7")
+            (
+                SettingsError::Version(version),
+                ", but this program reads version 7",
+            )
         };
         assert_eq!(error, expected);
         let line = format!("settings block of version {version}{advice}");

@@ -150,7 +150,7 @@ fn identity_and_reply_of_a_later_version_are_read_with_their_header_and_others_r
     }
     assert_eq!(
         Cause::Version(3).to_string(),
-        "version 3 of the protocol is not known here; use `bead` of commit 710832c"
+        "version 3 of the protocol is unknown here; use `bead` of commit 710832c"
     );
 }
 

@@ -173,7 +173,7 @@ impl Bridge {
         let passed = self.live.advance(to_ns, inputs)?;
         if passed.ended {
             let seconds = passed.now_ns as f64 * 1e-9;
-            let why = format!("the image came to its end after {seconds:.3} s of its time");
+            let why = format!("the image ended after {seconds:.3} s of its own time");
             return Err(BenchError::Mute(why));
         }
         self.codes_until_ns = passed.codes_until_ns;

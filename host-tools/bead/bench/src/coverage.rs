@@ -152,7 +152,7 @@ impl Calibrated {
         let unfit = |why: &str| BenchError::Unfit(format!("a drawn bead {why}"));
         let (strike, shape) = reports.first().ok_or_else(|| unfit("finds no strike"))?;
         let sent = shape.uncertainty.ok_or_else(|| {
-            unfit("sends no uncertainty; state every one in [uncertainty], but that of the front mass")
+            unfit("sends no uncertainty; state every one in [uncertainty] except that of the front mass")
         })?;
         let [a, b] = [strike.absorbed_measured, strike.absorbed_predicted].map(Energy::joules);
         Ok(DrawnBead {

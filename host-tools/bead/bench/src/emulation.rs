@@ -230,8 +230,8 @@ impl Emulation {
         let long = placed.began + timing.start(timing.strikes.saturating_sub(1)) + lasts + TAIL;
         if long > LONGEST {
             return Err(BenchError::Unfit(format!(
-                "{} strikes every {} s are {long:.0} s of the bead's time, and {LONGEST} s fit in memory; give fewer \
-                 --strikes or a shorter time between them",
+                "{} strikes every {} s take {long:.0} s of the bead's time, but only {LONGEST} s fit in \
+                 memory; give fewer --strikes or a shorter time between them",
                 timing.strikes, timing.interval
             )));
         }
@@ -377,7 +377,7 @@ impl Emulation {
                 let last = outcome.log.last().map(ToString::to_string);
                 let last = last.as_deref().unwrap_or("nothing");
                 let seconds = outcome.virtual_ns as f64 * 1e-9;
-                format!("it never started to sample in {seconds:.1} s; the last that it logged: {last}")
+                format!("it did not start to sample within {seconds:.1} s; its last log line: {last}")
             });
             return Err(BenchError::Mute(format!("{}: {why}", image::shown(&self.image))));
         };
@@ -484,8 +484,8 @@ pub fn settings_of(
     let exponent = solution.model().contact(bead + 1).law().exponent;
     if exponent != 1.5 {
         return Err(BenchError::Unfit(format!(
-            "--bead {bead}: the contact behind it is F = κ δ^{exponent}, and a bead reckons with Hertz' 3/2; leave out \
-             [contact], or give settings of your own with --settings"
+            "--bead {bead}: the contact behind it is F = κ δ^{exponent}, but a bead assumes Hertz's exponent \
+             3/2; leave out [contact], or give settings of your own with --settings"
         )));
     }
     let front = front_end.calibration();
@@ -506,8 +506,9 @@ pub fn settings_of(
         } => {
             let diameter = 2e3 * solution.model().radius(bead);
             BenchError::Unfit(format!(
-                "the sphere of bead {bead}, {diameter:.1} mm, is too small for {} kHz: {:.1} mm at least of this \
-                 material, since a wave of 1 m/s is {samples:.2} samples wide, and {LEAST_WIDTH} at least can be measured",
+                "the sphere of bead {bead}, {diameter:.1} mm, is too small for {} kHz: this material needs at \
+                 least {:.1} mm, since a wave of 1 m/s is {samples:.2} samples wide, and at least \
+                 {LEAST_WIDTH} are needed to measure it",
                 SAMPLE_RATE_HZ / 1000,
                 diameter * LEAST_WIDTH / samples
             ))

@@ -152,9 +152,9 @@ pub(crate) fn check_reports(
     }
     for at in spurious {
         let FaultReport { at, cause, detail } = &log.reports[at];
-        let cause = cause.name().unwrap_or("a cause without a name");
+        let cause = cause.name().unwrap_or("an unknown cause");
         wrong.push(format!(
-            "{cause} ({detail}) was reported at {at:.4} s, and nothing provoked it"
+            "{cause} ({detail}) was reported at {at:.4} s, but nothing provoked it"
         ));
     }
     wrong.extend(run.lost(starts, &log.results));
@@ -396,7 +396,7 @@ impl<'a> FaultyRun<'a> {
             let sampling = boot.latest <= fault.at && !self.set_up_anew(fault.at);
             if (is_cut || sampling && boot.fatal >= fault.at) && boot.end > fault.at + within {
                 let (kind, at) = (fault.kind.name(), fault.at);
-                wrong.push(format!("{kind} at {at} s ended in no reset within {within} s"));
+                wrong.push(format!("{kind} at {at} s caused no reset within {within} s"));
             }
         }
         // A port that is silent for too long ends in a reset.
@@ -406,7 +406,7 @@ impl<'a> FaultyRun<'a> {
                 let silent = to.min(boot.fatal) - from;
                 if silent > GIVEN_UP[1] {
                     wrong.push(format!(
-                        "a port that was silent from {from:.4} s on for {silent:.4} s was not given up"
+                        "a port that was silent from {from:.4} s on for {silent:.4} s caused no reset"
                     ));
                 }
             }
@@ -507,7 +507,7 @@ impl<'a> FaultyRun<'a> {
             match results.iter().position(|at| (start..=until).contains(at)) {
                 Some(at) => drop(results.remove(at)),
                 None => lost.push(format!(
-                    "the strike at {start:.4} s has no result, and no fault was near"
+                    "the strike at {start:.4} s has no result, although no fault was near"
                 )),
             }
         }
@@ -686,12 +686,12 @@ mod tests {
         let reported = [(0.56, HardFault, "CFSR")];
         let fault = "hard_fault 0.5";
         assert_wrong(fault, &[(0.502, Software)], &reported, &[]);
-        assert_wrong(fault, &[], &[], &["hard_fault at 0.5 s ended in no reset"]);
+        assert_wrong(fault, &[], &[], &["hard_fault at 0.5 s caused no reset"]);
         let two = [(0.502, Software), (1.0, Software)];
         assert_wrong(fault, &two, &reported, &["reset at 1.0000 s"]);
         let other = [(0.502, ResetCause::Watchdog)];
         assert_wrong(fault, &other, &reported, &["nothing explains it", SPURIOUS]);
-        let parts = ["nothing explains it", "power_cut at 0.5 s ended in no reset"];
+        let parts = ["nothing explains it", "power_cut at 0.5 s caused no reset"];
         assert_wrong("power_cut 0.5", &[(0.6, PowerCut)], &[], &parts);
     }
 
@@ -773,7 +773,7 @@ mod tests {
         let (reset, reported) = ((1.4, Software), (1.75, Panic, "transmission hangs"));
         let outcomes = run(stall, &[reset], &[reported], Vec::new()).outcomes;
         assert_eq!(outcomes, [FaultOutcome::Reported]);
-        assert_wrong(stall, &[], &[], &["was not given up"]);
+        assert_wrong(stall, &[], &[], &["s caused no reset"]);
         let short = "uart_stall 0.5 duration=0.2";
         assert_wrong(short, &[(0.8, Software)], &[], &["nothing explains it"]);
     }

@@ -345,18 +345,24 @@ impl FaultTable {
             ensure(value.is_none() || keys.contains(key), key, &what, &advice)?;
         }
 
-        let advice = "give s after the first scan, such as 0.012";
+        let advice = "give seconds after the first scan, such as 0.012";
         let at = self.at.ok_or_else(|| error("at", "missing", advice))?;
         ensure((0.0..1e6).contains(&at), "at", "not a time", advice)?;
         if kind == PlannedKind::UartStall {
-            let duration = duration.ok_or_else(|| error("duration", "missing", "give s, such as 0.2"))?;
+            let duration =
+                duration.ok_or_else(|| error("duration", "missing", "give seconds, such as 0.2"))?;
             let foretold = duration > 0.0 && duration <= RIDDEN_OUT || (GIVEN_UP..1e6).contains(&duration);
-            let what = "not a time that can be foretold";
+            let what = "not a time with a certain outcome";
             let advice = "give up to 0.5 s, which the bead rides out, or at least 1.5 s, which it does not";
             ensure(foretold, "duration", what, advice)?;
         }
         let lasts = duration.is_none_or(|s| s > 0.0 && s < 1e6);
-        ensure(lasts, "duration", "not a time above zero", "give s, such as 0.25")?;
+        ensure(
+            lasts,
+            "duration",
+            "not a time above zero",
+            "give seconds, such as 0.25",
+        )?;
         let advice = "give 1.8 to 3.6, such as 2.7";
         let given = volts.is_some() || kind != PlannedKind::Supply;
         ensure(given, "volts", "missing", advice)?;
@@ -384,8 +390,8 @@ pub fn check(faults: &[Planned], seconds: f64) -> Result<(), BenchError> {
             )
         } else if fault.cause().is_some() && at + within > seconds {
             format!(
-                "the run ends at {seconds} s, before the bead can tell of {name} at {at} s, which takes up to {within} s; give \
-                 more --strikes or a longer time between them"
+                "the run ends at {seconds} s, before the bead can report {name} at {at} s, which takes up to \
+                 {within} s; give more --strikes or a longer time between them"
             )
         } else {
             continue;
@@ -437,15 +443,15 @@ pub(crate) mod tests {
     #[test]
     fn what_is_wrong_is_said_with_file_line_key_and_what_would_do() {
         const TABLES: &str = "\
-kind = 'panic' | 1: fault[1].at: missing; give s
+kind = 'panic' | 1: fault[1].at: missing; give seconds
 at = 1.0 | 1: fault[1].kind: missing; give one of: adc_overrun,
 at = 1.0, kind = 'panik' | 3: fault[1].kind: unknown kind; give one of: adc_overrun, adc_dma_error, force_stuck
-at = -1.0, kind = 'panic' | 2: fault[1].at: not a time; give s
-at = nan, kind = 'panic' | 2: fault[1].at: not a time; give s
+at = -1.0, kind = 'panic' | 2: fault[1].at: not a time; give seconds
+at = nan, kind = 'panic' | 2: fault[1].at: not a time; give seconds
 at = 1.0, kind = 'panic', [[fault]], kind = 'hang', duration = 1.0 | 6: fault[2].duration: hang has no such key; it has at, kind
-at = 1.0, kind = 'force_stuck', duration = 0 | 4: fault[1].duration: not a time above zero; give s
-at = 1.0, kind = 'uart_stall', duration = 1.0 | 4: fault[1].duration: not a time that can be foretold; give up to 0.5 s
-at = 1.0, kind = 'uart_stall' | 1: fault[1].duration: missing; give s
+at = 1.0, kind = 'force_stuck', duration = 0 | 4: fault[1].duration: not a time above zero; give seconds
+at = 1.0, kind = 'uart_stall', duration = 1.0 | 4: fault[1].duration: not a time with a certain outcome; give up to 0.5 s
+at = 1.0, kind = 'uart_stall' | 1: fault[1].duration: missing; give seconds
 at = 1.0, kind = 'supply' | 1: fault[1].volts: missing; give 1.8 to 3.6
 at = 1.0, kind = 'supply', volts = 5.0 | 4: fault[1].volts: not a voltage that the part works at; give 1.8 to 3.6";
         let table = |line: &'static str| {

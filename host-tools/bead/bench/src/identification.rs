@@ -149,7 +149,7 @@ impl Nominal {
         };
         for (at, quantity) in fitted.into_iter().enumerate() {
             let place = found.best.free.iter().position(|one| *one == quantity);
-            let place = place.ok_or_else(|| unfit(format!("{} was held", quantity.symbol())))?;
+            let place = place.ok_or_else(|| unfit(format!("{} was not fitted", quantity.symbol())))?;
             let (value, truth) = (
                 found.best.values[quantity.place()],
                 start[quantity.place()] * factors[at],

@@ -273,14 +273,16 @@ impl RunReport {
         if self.played {
             ensure!(
                 seen >= struck as usize,
-                "{} seen where the waveform was played {}; its force has to rise by the trigger's threshold \
-                 (docs/front-end.md)",
+                "only {} seen although the waveform was played {}; its force has to rise by the trigger's \
+                 threshold (docs/front-end.md)",
                 count(seen as u64, "strike"),
                 count(u64::from(struck), "time")
             );
         } else if seen != struck as usize {
             let all = count(u64::from(struck), "strike");
-            bail!("{seen} of {all} seen; strikes closer than a window, or below the trigger, are not");
+            bail!(
+                "{seen} of {all} seen; strikes closer together than a window, or below the trigger, are missed"
+            );
         }
         if let Some(what) = &self.out_of_range {
             bail!("{what}");
@@ -306,19 +308,20 @@ impl RunReport {
         let known = self.strikes.len() + cut + unseen + self.hidden;
         if self.overruns > overruns as u64 {
             let seen = count(self.overruns, "overrun");
-            bail!("{seen} where {overruns} were provoked");
+            bail!("{seen}, but only {overruns} were provoked");
         }
         // A reset cuts the frame that is being sent, and discards those that wait.
         ensure!(
             lost == dropped && corrupt <= resets as u64,
-            "{} lost and {corrupt} corrupt where the bead dropped {dropped} and {} cut one each at most",
+            "{} lost and {corrupt} corrupt, but the bead dropped {dropped}, and {} cut at most one each",
             count(lost, "frame"),
             count(resets as u64, "reset")
         );
         if resets == 0 && known < struck {
             let all = count(struck as u64, "strike");
             bail!(
-                "{known} of {all} measured, cut, passed over, in a gap that was reported, or hidden by a fault of the force sensor"
+                "only {known} of {all} accounted for: measured, cut, passed over, in a reported gap, or hidden \
+                 by a fault of the force sensor"
             );
         }
         Ok(())

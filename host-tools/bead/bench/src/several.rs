@@ -54,7 +54,7 @@ pub fn placed(
     let by_place = beads.iter().all(|bead| *bead <= LAST_ADDRESS);
     if !by_place && beads.len() > LAST_ADDRESS {
         return Err(BenchError::Unfit(format!(
-            "--bead: {} beads, and a line has {LAST_ADDRESS} addresses for them; give fewer",
+            "--bead: {} beads, but a line has only {LAST_ADDRESS} addresses; give fewer beads",
             beads.len()
         )));
     }

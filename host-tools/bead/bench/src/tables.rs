@@ -77,7 +77,7 @@ impl BenchTables {
     /// # Errors
     /// [`InputError`] without file and line: a wire is impossible.
     pub fn wires(&self) -> Result<Vec<AnalogWire>, InputError> {
-        let wires = self.analog_wire.iter().enumerate();
+        let wires = (1..).zip(&self.analog_wire);
         wires.map(|(number, table)| table.wire(number)).collect()
     }
 }
@@ -100,7 +100,7 @@ impl AnalogWireTable {
         1.0
     }
 
-    /// The wire. `number` is the table's number in its file, from 0.
+    /// The wire. `number` is the table's number in its file, counted from 1.
     fn wire(&self, number: usize) -> Result<AnalogWire, InputError> {
         let table = format!("analog_wire[{number}]");
         let ends = [
@@ -109,7 +109,7 @@ impl AnalogWireTable {
         ];
         for (key, pin, known) in ends {
             if !known.contains(&pin.as_str()) {
-                let what = format!("no analog wire is at {pin:?}");
+                let what = format!("an analog wire cannot be at {pin:?}");
                 let advice = format!("give one of {}", known.join(", "));
                 return Err(InputError::at(format!("{table}.{key}"), what, advice));
             }
@@ -286,19 +286,23 @@ impl ClockTable {
     fn check(&self) -> Result<(), InputError> {
         let each = self.ppm.iter().map(|ppm| ("ppm", ppm));
         for (key, ppm) in each.chain(self.spread.iter().map(|ppm| ("spread", ppm))) {
-            let advice = format!("a crystal is off by less than {CRYSTAL_PPM} ppm");
+            let advice = format!("give a deviation of less than {CRYSTAL_PPM} ppm");
             ensure(ppm.abs() < CRYSTAL_PPM, "clock", key, *ppm, advice)?;
         }
         if self.spread.is_some() && !self.ppm.is_empty() {
             let advice = "leave one of them out";
-            return Err(InputError::at("clock.spread", "stands beside ppm", advice));
+            return Err(InputError::at(
+                "clock.spread",
+                "is given together with ppm",
+                advice,
+            ));
         }
         let holds = (0.0..=START_SPREAD_MOST).contains(&self.start_spread);
-        let advice = format!("give s, at most {START_SPREAD_MOST}");
+        let advice = format!("give seconds, at most {START_SPREAD_MOST}");
         ensure(holds, "clock", "start_spread", self.start_spread, advice)?;
         if let Some(period) = self.sync_period {
             let holds = period.is_finite() && period >= SYNC_LEAST;
-            let advice = format!("give s, at least {SYNC_LEAST}");
+            let advice = format!("give seconds, at least {SYNC_LEAST}");
             ensure(holds, "clock", "sync_period", period, advice)?;
         }
         if let Some(pace) = self.pace {
@@ -371,8 +375,8 @@ mod tests {
 [front_end] force_noise = -1.0 | -1 is out of range
 [front_end] sensors = 'loud' | `loud` is not known; known are `weak` or `strong`
 [front_end] spam = 1.0 | unknown key
-[clock] ppm = [5000.0] | a crystal is off by less than 1000 ppm
-[clock] sync_period = 0.0 | give s, at least 0.02
+[clock] ppm = [5000.0] | give a deviation of less than 1000 ppm
+[clock] sync_period = 0.0 | give seconds, at least 0.02
 [clock] shift = 11 | 11 is out of range; give 0 to 10
 [clock] start_spread = 61.0 | at most 60";
         for line in REFUSED.lines() {
@@ -383,15 +387,20 @@ mod tests {
             assert!(refused.starts_with(&place) && refused.contains(why), "{refused}");
         }
         const WIRES: &str = "\
-from = 'PA0', to = 'PA0' | from: no analog wire is at \"PA0\"; give one of PA4, PA5
-from = 'PA4', to = 'PA4' | to: no analog wire is at \"PA4\"; give one of PA0, PA1
+from = 'PA0', to = 'PA0' | from: an analog wire cannot be at \"PA0\"; give one of PA4, PA5
+from = 'PA4', to = 'PA4' | to: an analog wire cannot be at \"PA4\"; give one of PA0, PA1
 from = 'PA4', to = 'PA0', divider = 0 | divider: 0 is out of range; give a number from 1";
-        for line in WIRES.lines() {
+        // Each of the three is about the key in its own line.
+        for (key, line) in WIRES.lines().enumerate() {
             let (wire, why) = line.split_once(" | ").unwrap();
             let refused = read(&format!("[[analog_wire]]\n{}", wire.replace(", ", "\n"))).unwrap_err();
-            assert!(refused.contains(&format!("analog_wire[0].{why}")), "{refused}");
+            let place = format!("s.toml:{}: analog_wire[1].", lines + 3 + key);
+            assert!(refused.starts_with(&format!("{place}{why}")), "{refused}");
         }
         let both = read("[clock]\nppm = [1.0]\nspread = 100.0").unwrap_err();
-        assert!(both.contains("clock.spread: stands beside ppm"), "{both}");
+        assert!(
+            both.contains("clock.spread: is given together with ppm"),
+            "{both}"
+        );
     }
 }

@@ -66,8 +66,8 @@ impl About {
     fn check(&self) -> Result<(), InputError> {
         let check = |key: &str, text: &str, most: usize| {
             let is_fit = text.len() <= most && !text.contains(char::is_control);
-            let what = format!("the text is longer than {most} bytes, or has control characters");
-            let refused = || InputError::at(key, what, "give a shorter one in one line");
+            let what = format!("the text is longer than {most} bytes or contains control characters");
+            let refused = || InputError::at(key, what, "give a shorter text on one line");
             is_fit.then_some(()).ok_or_else(refused)
         };
         check("number", &self.number, NUMBER)?;
@@ -105,8 +105,8 @@ impl About {
         let reference = self.references.iter().find(expired)?;
         let until = reference.valid_until?;
         Some(format!(
-            "the certificate {} of {} expired on {until}, before {on}: its value is not traceable any more; have it \
-             calibrated",
+            "the certificate {} of {} expired on {until}, before {on}: its value is no longer traceable; have \
+             the reference recalibrated",
             reference.certificate, reference.name
         ))
     }
@@ -150,11 +150,11 @@ impl About {
 
     /// A file with every key explained, to be edited.
     pub const TEMPLATE: &str = "\
-# Texts of a calibration's certificate, for `bead calibrate … --about`. What is left empty is not stated, and the
-# certificate says so.
+# Texts of a calibration's certificate, for `bead calibrate … --about`. The certificate
+# shows an empty text as not stated.
 number = \"\"               # of the certificate, up to 16 bytes; it goes into the bead's settings
 laboratory = \"\"           # name and address
-place = \"\"                # of the calibration, if it is another
+place = \"\"                # of the calibration, if not the laboratory's
 owner = \"\"                # of the bead
 item = \"\"                 # the bead in words: kind, number, state
 temperature = \"\"          # such as 22.4 °C ± 0.5 °C
@@ -162,7 +162,7 @@ humidity = \"\"
 remarks = \"\"              # other conditions, deviations from the method
 authorised_by = \"\"        # name and function
 
-# An instrument that the result is traceable to; a table for each.
+# An instrument that the result is traceable to; one table for each.
 # [[reference]]
 # name = \"balance AB204, no. 17\"
 # gives = \"mass of the ball\"

@@ -108,7 +108,7 @@ impl Calibration {
     pub fn doubt(&self) -> Option<String> {
         let failed = self.checks.iter().find(|check| !check.holds)?;
         Some(format!(
-            "{}: {:+.2} %, and {:.2} % are allowed; {}",
+            "{}: {:+.2} %, but at most {:.2} % is allowed; {}",
             failed.what, failed.deviation_percent, failed.allowed_percent, failed.advice
         ))
     }
@@ -119,7 +119,7 @@ pub(crate) fn all_samples(strike: &RecordedStrike) -> Result<(), String> {
     match strike.missing() {
         0 => Ok(()),
         missing => Err(format!(
-            "{missing} of its {} samples are missing; fetch it: bead fetch --port P --out F.mcap",
+            "{missing} of its {} samples are missing; fetch the strike: bead fetch --port P --out F.mcap",
             strike.said.samples
         )),
     }

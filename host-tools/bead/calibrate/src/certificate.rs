@@ -124,7 +124,7 @@ impl Certificate<'_> {
         let doubts = self
             .doubts
             .iter()
-            .map(|doubt| Some(format!("In spite of this: {doubt}")));
+            .map(|doubt| Some(format!("Made despite a doubt: {doubt}")));
         let left_out = calibration.left_out.iter();
         // The command names them on standard error, too.
         let left_out = left_out.map(|out| Passage::Text(format!("Left out: {}: {}.", out.subject, out.why)));
@@ -152,7 +152,7 @@ impl Certificate<'_> {
         };
         let rows: Vec<_> = self.about.references.iter().map(row).collect();
         let line = if rows.is_empty() {
-            "No reference is stated, so these results are traceable to nothing but what the operator typed."
+            "No reference is stated, so these results are traceable only to what the operator typed."
         } else {
             "The results are traceable to these references through the inputs that they give, in the budgets above."
         };
@@ -171,7 +171,7 @@ impl Certificate<'_> {
             return chapter;
         }
         chapter.text(format!(
-            "ISO/IEC 17025, 7.8, also asks for: {}. The file of --about states them.",
+            "ISO/IEC 17025, 7.8, also asks for: {}. State them in the file of --about.",
             missing.join(", ")
         ))
     }
@@ -254,7 +254,7 @@ fn results(calibration: &Calibration) -> Chapter {
     };
     let rows = calibration.results.iter().map(row);
     let table = Grid::new(
-        "result | value | u | ~ν | k | U (95 %) | ~U (%) | ~against before (%)",
+        "result | value | u | ~ν | k | U (95 %) | ~U (%) | ~change (%)",
         rows,
     );
     let correlations = calibration.correlations.iter().map(|one| {

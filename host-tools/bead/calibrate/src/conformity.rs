@@ -6,8 +6,8 @@ use serde::Serialize;
 use crate::calibration::Calibration;
 
 /// The rule in words.
-pub const RULE: &str = "JCGM 106, 8.3.2, guarded acceptance: a setting conforms if its deviation is within the tolerance by its \
-     expanded uncertainty (95 %) at least";
+pub const RULE: &str = "JCGM 106, 8.3.2, guarded acceptance: a setting conforms if its deviation plus its \
+                        expanded uncertainty (95 %) is within the tolerance";
 
 /// Statement of conformity of the settings before a calibration.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
@@ -77,7 +77,7 @@ impl Conformity {
         });
         let each: Vec<_> = each.collect();
         let each = if each.is_empty() {
-            "no setting from before is known".to_owned()
+            "no previous setting is known".to_owned()
         } else {
             each.join(", ")
         };

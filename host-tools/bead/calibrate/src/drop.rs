@@ -49,7 +49,7 @@ pub fn evaluate(series: &[DropSeries], stated: &DropInputs) -> Result<Calibratio
         let height = stated
             .heights
             .get(one.height)
-            .ok_or("a recording has no height; give one --height for each, or one for all")?;
+            .ok_or("a recording has no height; give one --height for each recording, or one for all")?;
         let flight = 2.0 * (2.0 * height.value / stated.gravity.value).sqrt();
         // A window opened on request or by the trigger line is no landing.
         let landings: Vec<&RecordedStrike> =
@@ -80,7 +80,8 @@ pub fn evaluate(series: &[DropSeries], stated: &DropInputs) -> Result<Calibratio
             kept.push((subject, drop, gain));
         } else {
             let why = format!(
-                "its impulse is off the others' by {:+.0} %: the ball grazed the cap, or fell from another height",
+                "its impulse differs from the others' by {:+.0} %: the ball grazed the cap, or fell from \
+                 another height",
                 100.0 * (1.0 / (1.0 + off) - 1.0)
             );
             left_out.push(LeftOut { subject, why });
@@ -92,7 +93,7 @@ pub fn evaluate(series: &[DropSeries], stated: &DropInputs) -> Result<Calibratio
     if let Some(height) = counts.iter().position(|count| *count < FEWEST) {
         let why = because(&left_out);
         return Err(format!(
-            "{} of {} m can be used, and {FEWEST} at least are needed{why}; record more, ten for a good mean",
+            "{} from {} m can be used, but at least {FEWEST} are needed{why}; record more, ten for a good mean",
             counted(counts[height]),
             stated.heights[height].value
         ));
@@ -143,7 +144,7 @@ fn drop_of(group: &[&RecordedStrike], height: usize, flight: f64) -> Result<Drop
     };
     let rate = first
         .rate()
-        .ok_or("its bead did not say its sample rate; record from its start")?;
+        .ok_or("the sample rate of its bead is unknown; record from the bead's start")?;
     let landing = Landing::of(first)?;
     let again = Landing::of(second).map_err(|why| format!("second landing: {why}"))?;
     Ok(Drop {

@@ -39,16 +39,17 @@ const FRONT_MASS: ResultName = ResultName {
 /// # Errors
 /// One line: points of another unit, or too few.
 pub fn evaluate(points: &Points, stated: &FrontMassInputs) -> Result<Calibration, String> {
-    let takes = "the front mass takes a force in N, or codes";
+    let takes = "the front mass needs a force in N, or codes";
     let newtons = points.size(Measured::Force, stated.force_per_code, takes)?;
     let [least, most] = RANGE;
     let counts = |frequency: f64| (least..=most).contains(&frequency);
     let (mut kept, left_out) = points.split(counts, |frequency| {
-        format!("{frequency:.0} Hz is not from {least} to {most} Hz, where body and cap move as one")
+        format!("{frequency:.0} Hz is outside {least} to {most} Hz, where body and cap move as one")
     });
     if kept.len() < FEWEST {
         return Err(format!(
-            "{} of {} points are from {least} to {most} Hz, and {FEWEST} at least are needed; shake at more frequencies",
+            "{} of {} points are between {least} and {most} Hz, but at least {FEWEST} are needed; shake at \
+             more frequencies",
             kept.len(),
             points.points.len()
         ));

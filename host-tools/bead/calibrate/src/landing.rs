@@ -41,8 +41,8 @@ impl Landing {
         let codes: Vec<u16> = strike.scans.iter().map(|scan| scan.sensitive[0]).collect();
         if codes.iter().any(|code| [0, CODES - 1].contains(code)) {
             return Err(
-                "the force met a rail of the converter at its high gain; put a softer pad on the cap, or drop from \
-                 less high"
+                "the force reached a rail of the converter at its high gain; put a softer pad on the cap, or \
+                 drop from a lower height"
                     .to_owned(),
             );
         }
@@ -61,7 +61,7 @@ impl Landing {
 fn pulse(codes: &[f64], first_index: u64) -> Result<Landing, String> {
     let baseline = usize::from(BASELINE);
     let (Some(quiet), Some(rest)) = (codes.get(..baseline), codes.get(baseline..)) else {
-        return Err("its window is shorter than the quiet before it".to_owned());
+        return Err("its window is too short to hold the quiet before the landing".to_owned());
     };
     let zero = quiet.iter().sum::<f64>() / quiet.len() as f64;
     let squares: f64 = quiet.iter().map(|code| (code - zero).powi(2)).sum();
@@ -76,12 +76,12 @@ fn pulse(codes: &[f64], first_index: u64) -> Result<Landing, String> {
     let first = touching.clone().find(is_touching).map(|(at, _)| at);
     let last = touching.rfind(is_touching).map(|(at, _)| at + 1);
     let (Some(first), Some(last)) = (first, last) else {
-        return Err("no force rises above its noise; the ball missed the cap".to_owned());
+        return Err("the force never rises above its noise; the ball missed the cap".to_owned());
     };
     let (from, to) = (first.saturating_sub(MARGIN), last + 1 + MARGIN);
     let Some(summed) = forces.get(from..to) else {
         return Err(
-            "the force has not ended at the end of its window; take a stiffer pad, or make capture.length longer"
+            "the force has not ended at the end of its window; use a stiffer pad, or make capture.length longer"
                 .to_owned(),
         );
     };

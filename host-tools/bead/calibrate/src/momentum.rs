@@ -207,8 +207,9 @@ const METHOD: [&str; 3] = [
     "A ball of known mass falls from a known height onto the cap of the bead, whose axis is upright, and bounces. The \
      momentum that it hands over, m (v_in + v_out + g T_c) with v_in = √(2 g h) and v_out = g (T − T_c)/2, is the area \
      under the force. T is the time between two landings, T_c that of contact.",
-    "A code is worth the momentum over the sum of the codes above their zero, times the sample period. The mean of the \
-     quiet before the pulse is the zero. The area that the high-pass of the front end takes is corrected.",
+    "The force per code is the momentum divided by the sum of the codes above their zero and by the sample \
+     period. The mean of the quiet before the pulse is the zero. The result is corrected for the area that the \
+     high-pass of the front end removes.",
     "The result is the mean over the drops. It holds near 0 Hz; the flatness of the sensor up to 5 kHz is not part of it.",
 ];
 
@@ -221,7 +222,7 @@ fn observed(subject: &str, drop: &Drop, gain: f64) -> Observation {
             ObservedValue::new("T_c", "ms", 1e3 * landing.contact / drop.rate),
             ObservedValue::new("peak", "codes", landing.peak),
             ObservedValue::new("sum", "codes", landing.sum),
-            ObservedValue::new("u of it by noise", "codes", landing.sum_u),
+            ObservedValue::new("u of sum by noise", "codes", landing.sum_u),
             ObservedValue::new("force per code", "mN", 1e3 * gain),
         ],
     }

@@ -134,7 +134,7 @@ impl Points {
 /// One line: file, line, what is wrong and what would do.
 pub fn table(path: &Path) -> Result<Points, String> {
     let name = path.display();
-    let text = read_text(path, "a CSV table of frequency, reference and what was measured");
+    let text = read_text(path, "a CSV table of frequency, reference and measured quantity");
     let text = text.map_err(|error| error.to_string())?;
     let mut lines = (1..).zip(text.lines()).filter(|(_, line)| {
         let line = line.trim();
@@ -169,8 +169,9 @@ pub fn table(path: &Path) -> Result<Points, String> {
     }
     let (Some(frequency), Some(reference), Some(measured)) = (columns[0], columns[1], measured) else {
         return Err(format!(
-            "{name}:{at}: the heading `{}` has no frequency, reference and measured column; name them with their units, \
-             such as frequency_hz,reference_mps2,voltage_v, or codes, force_n, intruder_mps2 for the last",
+            "{name}:{at}: the heading `{}` lacks a frequency, reference or measured column; name all three \
+             with their units, such as frequency_hz,reference_mps2,voltage_v; the last may also be codes, \
+             force_n or intruder_mps2",
             beginning(heading, 60)
         ));
     };
@@ -184,7 +185,7 @@ pub fn table(path: &Path) -> Result<Points, String> {
                 .filter(|value| value.is_finite() && *value > 0.0)
                 .ok_or_else(|| {
                     format!(
-                        "{name}:{line}: `{}` is no number above 0; give frequency and both rms values",
+                        "{name}:{line}: `{}` is not a number above 0; give frequency and both rms values",
                         beginning(cell, 40)
                     )
                 })
@@ -256,7 +257,7 @@ pub fn pair(scans: &Path, reference: &Path, choice: &Choice, channel: Channel) -
     let of_bead = tone(&codes, Some(of_reference.frequency), &scans.display().to_string())?;
     if (of_bead.frequency / of_reference.frequency - 1.0).abs() > CLOCKS {
         return Err(format!(
-            "{} has a tone of {:.3} Hz and {shown} one of {:.3} Hz; are these of one time?",
+            "{} has a tone of {:.3} Hz and {shown} one of {:.3} Hz; were both recorded at the same time?",
             scans.display(),
             of_bead.frequency,
             of_reference.frequency
@@ -279,7 +280,8 @@ fn tone(samples: &[(f64, f64)], near: Option<f64>, name: &str) -> Result<Tone, S
     let tone = sine::fit(samples, near).map_err(|why| format!("{name}: {why}"))?;
     if tone.rest > DISTORTED * tone.rms {
         return Err(format!(
-            "{name}: beside its tone of {:.1} Hz there is {:.0} % of it; shake with one steady tone",
+            "{name}: components besides its tone of {:.1} Hz amount to {:.0} % of the tone; shake with one \
+             steady tone",
             tone.frequency,
             100.0 * tone.rest / tone.rms
         ));
@@ -308,13 +310,14 @@ pub fn steady(
         }
         let since = index.checked_sub(begin).map(|since| since as f64 * SAMPLE_PERIOD);
         let time = since.filter(|time| samples.last().is_none_or(|(last, _)| last < time));
-        let time = time.ok_or("the bead started anew while it sent its scans; shake again")?;
+        let time = time.ok_or("the bead restarted while it sent its scans; shake again")?;
         samples.push((time, f64::from(code)));
     }
     let tone = tone(&samples, None, "the bead's scans")?;
     if (tone.frequency / frequency - 1.0).abs() > TYPED {
         return Err(format!(
-            "the bead's scans have a tone of {:.2} Hz, and {frequency} Hz was typed; type that of the shaker",
+            "the bead's scans have a tone of {:.2} Hz, but {frequency} Hz was typed; type the frequency of the \
+             shaker",
             tone.frequency
         ));
     }
@@ -335,14 +338,15 @@ fn codes(path: &Path, channel: Channel) -> Result<Vec<(f64, f64)>, String> {
     let heading = lines.next().map_or("", |(_, heading)| heading.trim());
     if heading != "sample_index,force_code,acceleration_code" {
         return Err(format!(
-            "{name}: `{}` is no heading of scans; give a file that `bead command raw --out F.csv` wrote",
+            "{name}: `{}` is not the heading of a file of scans; give a file that `bead command raw --out \
+             F.csv` wrote",
             beginning(heading, 40)
         ));
     }
     let mut first = None;
     let mut samples: Vec<(f64, f64)> = Vec::new();
     for (line, row) in lines.take(SAMPLES_MOST) {
-        let wrong = || format!("{name}:{line}: this is no scan; give the file as it was written");
+        let wrong = || format!("{name}:{line}: not a scan; give the file as `bead command raw` wrote it");
         let mut cells = row.split(',');
         let index: u64 = cells
             .next()
@@ -402,8 +406,11 @@ mod tests {
         );
         for (refused, says) in [
             (measured("", "160,10"), ":1: the heading"),
-            (measured(",codes", "160,10,nan"), ":2: `nan` is no number above 0"),
-            (measured(",codes", "160,10"), ":2: `` is no number above 0"),
+            (
+                measured(",codes", "160,10,nan"),
+                ":2: `nan` is not a number above 0",
+            ),
+            (measured(",codes", "160,10"), ":2: `` is not a number above 0"),
             (read(""), "is empty"),
         ] {
             let refused = refused.unwrap_err();
@@ -433,7 +440,7 @@ mod tests {
         );
         let other = write(160.0, 315.0, 30.0).unwrap_err();
         assert!(
-            other.contains("there is") || other.contains("finds no end"),
+            other.contains("besides its tone") || other.contains("does not converge"),
             "{other}"
         );
     }

@@ -75,7 +75,7 @@ impl Dimension {
     pub fn parse(self, text: &str) -> Result<Stated, String> {
         let wrong = |why: &str| {
             format!(
-                "`{}` {why}; give value and standard uncertainty, such as {}",
+                "`{}` {why}; give a value and its standard uncertainty, such as {}",
                 beginning(text, 40),
                 UNITS[self as usize].0
             )
@@ -85,10 +85,8 @@ impl Dimension {
             .find_map(|mark| Some((mark, text.find(mark)?)))
             .ok_or_else(|| wrong("has no uncertainty"))?;
         let (value, unit) = number(&text[..at]).ok_or_else(|| wrong("has no number"))?;
-        let (u, of_u) = number(&text[at + mark.len()..]).ok_or_else(|| wrong("has no number behind ±"))?;
-        let size = self
-            .size(unit)
-            .ok_or_else(|| wrong("has a unit that is not known here"))?;
+        let (u, of_u) = number(&text[at + mark.len()..]).ok_or_else(|| wrong("has no number after ±"))?;
+        let size = self.size(unit).ok_or_else(|| wrong("has an unknown unit"))?;
         let value = value * size;
         let u = match of_u.trim() {
             "%" => u / 100.0 * value.abs(),
@@ -96,11 +94,11 @@ impl Dimension {
             unit => {
                 u * self
                     .size(unit)
-                    .ok_or_else(|| wrong("has an unknown unit behind ±"))?
+                    .ok_or_else(|| wrong("has an unknown unit after ±"))?
             }
         };
         if !(value.is_finite() && u.is_finite() && u >= 0.0) {
-            return Err(wrong("is no finite number with an uncertainty of 0 or more"));
+            return Err(wrong("is not a finite number with an uncertainty of 0 or more"));
         }
         Ok(Stated { value, u })
     }
@@ -115,7 +113,7 @@ impl Stated {
         if self.value > 0.0 && self.u < 0.5 * self.value {
             return Ok(self);
         }
-        Err("give a value above 0, and less than half of it as its uncertainty".to_owned())
+        Err("give a value above 0 and an uncertainty below half of it".to_owned())
     }
 
     /// Refuses this quantity above `most`: a number that lacks its unit usually is. `such_as` is the limit
@@ -174,12 +172,12 @@ mod tests {
         for (text, why) in [
             ("3.046g", "has no uncertainty"),
             ("g±1mg", "has no number"),
-            ("3mm±1", "has a unit that is not known here"),
-            ("3g±1mm", "has an unknown unit behind ±"),
-            ("3g±", "has no number behind ±"),
-            ("3g±-1mg", "is no finite number"),
+            ("3mm±1", "has an unknown unit"),
+            ("3g±1mm", "has an unknown unit after ±"),
+            ("3g±", "has no number after ±"),
+            ("3g±-1mg", "is not a finite number"),
             ("nan±1", "has no number"),
-            ("1e999±1", "is no finite number"),
+            ("1e999±1", "is not a finite number"),
         ] {
             let refused = Dimension::Mass.parse(text).unwrap_err();
             assert!(refused.contains(why), "{text}: {refused}");

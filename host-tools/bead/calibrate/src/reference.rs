@@ -77,13 +77,14 @@ pub fn evaluate(points: &Points, stated: &ReferenceInputs) -> Result<Calibration
         (Measured::Volts, Some(front_end)) => Some(front_end),
         (Measured::Volts, None) => {
             return Err(
-                "the points are in V: state the way to codes: --supply, --divider and --amplifier".to_owned(),
+                "the points are in V; give --supply, --divider and --amplifier, which convert V to codes"
+                    .to_owned(),
             );
         }
         (Measured::Codes, _) => None,
         (other, _) => {
             return Err(format!(
-                "the points are in {}; a gain takes V of the sensor, or codes",
+                "the points are in {}; a gain needs V of the sensor, or codes",
                 other.unit()
             ));
         }
@@ -108,8 +109,8 @@ pub fn evaluate(points: &Points, stated: &ReferenceInputs) -> Result<Calibration
         .collect();
     if at.len() < FEWEST {
         return Err(format!(
-            "{} of {} points are at {} Hz, where the gain is found, and {FEWEST} at least are needed for their scatter; \
-             measure it again with both channels swapped, or give another --at",
+            "{} of {} points are at {} Hz, where the gain is found, but their scatter needs at least {FEWEST}; \
+             measure again with both channels swapped, or give another --at",
             at.len(),
             points.points.len(),
             stated.at
@@ -183,14 +184,17 @@ fn combine(
     )];
     method.push(match points.measured {
         Measured::Volts => {
-            "The open sensor's voltage was measured; supply, divider and amplifier make a code of it: \
-             VDDA / (4096 S D G)."
+            "The open sensor's voltage was measured; supply, divider and amplifier convert it to codes: VDDA / \
+             (4096 S D G)."
                 .to_owned()
         }
-        _ => "The codes of the bead itself were taken, at its high gain.".to_owned(),
+        _ => "The bead's own codes were used, at its high gain.".to_owned(),
     });
     method.extend(springs.map(|(h, _)| {
-        format!("The accelerometer was in the closed bead, on its springs: it moves by |h| = {h:.4} as much as the bead, which is divided out.")
+        format!(
+            "The accelerometer was in the closed bead, on its springs: it moves |h| = {h:.4} times as much \
+             as the bead, a factor that is divided out."
+        )
     }));
     Calibration {
         procedure: "reference",
@@ -216,7 +220,7 @@ fn flatness(kept: &[&Point], stated: &ReferenceInputs, mean: f64) -> Option<crat
         ..ResultName::default()
     };
     let input = ModelInput::within(
-        format!("greatest deviation, to {highest:.0} Hz"),
+        format!("greatest deviation, up to {highest:.0} Hz"),
         "",
         1.0,
         most.max(1e-5),

@@ -116,7 +116,8 @@ pub fn evaluate(
     let reduced = match stated.bead {
         Some(bead) if bead.mass.value <= m => {
             return Err(
-                "the intruder is not lighter than the bead; M is the bead with its intruder".to_owned(),
+                "the intruder is not lighter than the bead; M is the mass of the bead with its intruder"
+                    .to_owned(),
             );
         }
         Some(bead) => m * (bead.mass.value - m) / bead.mass.value,
@@ -139,7 +140,7 @@ pub fn evaluate(
         .partition(|tap| (tap.fit.stiffness / middle - 1.0).abs() < ODD);
     left_out.extend(odd.into_iter().map(|tap| LeftOut {
         why: format!(
-            "its k is off the others' by {:+.0} %: something else touched the bead",
+            "its k differs from the others' by {:+.0} %: something else touched the bead",
             100.0 * (tap.fit.stiffness / middle - 1.0)
         ),
         subject: tap.subject,
@@ -147,7 +148,8 @@ pub fn evaluate(
     if kept.len() < FEWEST {
         let why = because(&left_out);
         return Err(format!(
-            "{} of the taps can be used, and {FEWEST} at least are needed{why}; record more, ten for a good mean",
+            "{} of the taps can be used, but at least {FEWEST} are needed{why}; record more, ten for a good \
+             mean",
             kept.len()
         ));
     }
@@ -184,7 +186,7 @@ fn tap(subject: &str, strike: &RecordedStrike, reduced: f64) -> Result<Tap, Stri
         StrikeFlags::ANOTHER_WAVE,
         StrikeFlags::WINDOW_CUT,
     ];
-    no_flag(strike, &spoilt, "tap more softly, and once")?;
+    no_flag(strike, &spoilt, "tap more softly, and only once")?;
     let signal = strike
         .settings
         .and_then(|settings| BeadSignal::of(&strike.scans, &settings));
@@ -221,7 +223,8 @@ fn tap(subject: &str, strike: &RecordedStrike, reduced: f64) -> Result<Tap, Stri
     }
     if fit.residual > RESIDUAL * amplitude && fit.residual > RESIDUAL_NOISE * noise {
         return Err(format!(
-            "its ringing is no single decaying sine: {:.1} % are left; let nothing touch the bead while it rings",
+            "its ringing is not a single decaying sine: {:.1} % is left after the fit; let nothing touch the \
+             bead while it rings",
             100.0 * fit.residual / amplitude
         ));
     }

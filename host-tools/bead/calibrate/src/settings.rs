@@ -82,7 +82,7 @@ pub fn entries(calibration: &Calibration, before: &Description, provenance: &Pro
             };
             if let Some((sensor, scale)) = scale {
                 let factor = combined.value / scale.per_code;
-                let with = format!("{day} with {key}, at the ratio of both gains as it was");
+                let with = format!("{day} with {key}, keeping the ratio of both gains");
                 let [wide, noise] = ["wide_per_code", "noise"].map(|name| format!("{sensor}.{name}"));
                 push(&wide, rounded(scale.wide_per_code * factor, DIGITS), with);
                 push(&noise, rounded(scale.noise * factor, 4), String::new());
@@ -99,7 +99,7 @@ pub fn entries(calibration: &Calibration, before: &Description, provenance: &Pro
         }
     }
     if let Some(volts) = calibration.supply_v {
-        let mean = format!("{day}: the mean next to the strikes");
+        let mean = format!("{day}: the mean over the strikes");
         push("supply.voltage", rounded(volts, 5), mean);
     }
     let number = certificate.as_str().into();
@@ -262,9 +262,9 @@ mod tests {
             ]
         );
         let lines = [
-            "# My hammer broke in May.\n[force]\n# calibrated 2026-11-28 by a drop test\nper_code = 0.0041                  # N  a code at the high gain",
+            "# My hammer broke in May.\n[force]\n# calibrated 2026-11-28 by a drop test\nper_code = 0.0041                  # N  per code at the high gain",
             "\n[uncertainty]\n# calibration = ?",
-            "\ncalibrated = \"2026-11-28\"          # its day\n",
+            "\ncalibrated = \"2026-11-28\"          # day of the calibration\n",
             "\nforce_gain = 0.0018                # of the force's scale",
             "\n# force_flatness = ?",
             "\n[supply]\nvoltage = 3.3012                   # V  VDDA",

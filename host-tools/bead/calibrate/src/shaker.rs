@@ -38,11 +38,11 @@ pub struct ShakerInputs {
 /// # Errors
 /// One line: points of another unit, too few, or no resonance.
 pub fn evaluate(points: &Points, stated: &ShakerInputs) -> Result<Calibration, String> {
-    let takes = "a sweep takes the intruder's acceleration in m/s², or codes";
+    let takes = "a sweep needs the intruder's acceleration in m/s², or codes";
     let size = points.size(Measured::Acceleration, stated.acceleration_per_code, takes)?;
     if points.points.len() < FEWEST {
         return Err(format!(
-            "{} points are too few for a resonance; sweep {FEWEST} frequencies at least, over the peak",
+            "{} points are too few for a resonance; sweep at least {FEWEST} frequencies over the peak",
             points.points.len()
         ));
     }
@@ -119,14 +119,14 @@ fn checks(
         });
     if !(lowest < 0.8 * peak && highest > 1.1 * peak) {
         return Err(format!(
-            "the resonance would be at {peak:.0} Hz, and the points go from {lowest:.0} to {highest:.0} Hz; sweep over the \
-             peak, to both sides"
+            "the fitted resonance is at {peak:.0} Hz, but the points go from {lowest:.0} to {highest:.0} Hz; \
+             sweep to both sides of the peak"
         ));
     }
     let residual = fit.residual / height;
     Ok(vec![
         Check {
-            what: "distance of the points from the fit, of its peak".to_owned(),
+            what: "distance of the points from the fit, relative to its peak".to_owned(),
             deviation_percent: 100.0 * residual,
             allowed_percent: 100.0 * RESIDUAL,
             holds: residual <= RESIDUAL,
@@ -137,15 +137,15 @@ fn checks(
             deviation_percent: 100.0 * (scale - 1.0),
             allowed_percent: 100.0 * SCALE,
             holds: (scale - 1.0).abs() <= SCALE,
-            advice: "a gain of the two sensors is wrong: calibrate the acceleration first",
+            advice: "the gain of one of the two sensors is wrong: calibrate the acceleration first",
         },
     ])
 }
 
 const METHOD: [&str; 2] = [
-    "The closed bead is shaken by a sine of many frequencies, with a reference accelerometer on its shell. The ratio of the \
-     intruder's acceleration to the reference's is |h| = |(k + iωc)/(k + iωc − mω²)|, to which k and c are fitted by least \
-     squares.",
+    "The closed bead is shaken by sines of many frequencies, with a reference accelerometer on its shell. The \
+     ratio of the intruder's acceleration to the reference's is |h| = |(k + iωc)/(k + iωc − mω²)|, to which k \
+     and c are fitted by least squares.",
     "Points at low frequency, where |h| is 1, give the ratio of both gains, which is divided out. k and c scale with the \
      mass m, which the balance gives.",
 ];
@@ -173,7 +173,8 @@ fn fit_with_scale(ratios: &[(f64, f64)], mass: f64) -> Result<(OscillatorFit, f6
             .collect();
         if scales.is_empty() {
             return Err(format!(
-                "no point lies below {below:.0} Hz, where |h| is 1 and shows the ratio of both gains; sweep from lower on"
+                "no point is below {below:.0} Hz, where |h| is 1 and shows the ratio of both gains; start the \
+                 sweep lower"
             ));
         }
         let next = scales.iter().sum::<f64>() / scales.len() as f64;
@@ -236,6 +237,6 @@ mod tests {
         let gain = evaluate(&sweep(1.3, 100.0), &stated).unwrap().doubt().unwrap();
         assert!(gain.contains("calibrate the acceleration first"), "{gain}");
         let late = evaluate(&sweep(1.0, 900.0), &stated).unwrap_err();
-        assert!(late.contains("no point lies below"), "{late}");
+        assert!(late.contains("no point is below"), "{late}");
     }
 }

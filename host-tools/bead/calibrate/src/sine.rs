@@ -34,7 +34,7 @@ pub(crate) struct Tone {
 pub(crate) fn fit(samples: &[(f64, f64)], near: Option<f64>) -> Result<Tone, String> {
     if samples.len() < FEWEST {
         return Err(format!(
-            "{} samples are too few for a tone; record {FEWEST} at least",
+            "{} samples are too few for a tone; record at least {FEWEST}",
             samples.len()
         ));
     }
@@ -64,7 +64,7 @@ fn strongest(samples: &[(f64, f64)]) -> Result<f64, String> {
     let is_even = |pair: &&[(f64, f64)]| (pair[1].0 - pair[0].0 - interval).abs() < 0.01 * interval;
     let even = samples.windows(2).take_while(is_even).take(SEARCHED).count() + 1;
     if even < FEWEST || interval <= 0.0 {
-        return Err("there are fewer than 32 samples at even steps; give a record without gaps".to_owned());
+        return Err("fewer than 32 samples are evenly spaced; give a record without gaps".to_owned());
     }
     let mean = samples[..even].iter().map(|(_, value)| value).sum::<f64>() / even as f64;
     let signal = Signal {
@@ -85,7 +85,7 @@ fn strongest(samples: &[(f64, f64)]) -> Result<f64, String> {
 /// period over the samples.
 fn refine(samples: &[(f64, f64)], mut frequency: f64) -> Result<Tone, String> {
     let middle = 0.5 * (samples[0].0 + samples[samples.len() - 1].0);
-    let lost = || "the fit of a tone finds no end; is it one steady tone?".to_owned();
+    let lost = || "the fit of a tone does not converge; is it one steady tone?".to_owned();
     let mut amplitudes = [0.0; 2];
     for step in 0..STEPS {
         let omega = std::f64::consts::TAU * frequency;

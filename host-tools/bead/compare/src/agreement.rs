@@ -2,7 +2,7 @@
 
 /// The rule in words.
 pub const DECISION_RULE: &str = "JCGM 106, guarded rejection: a goal is missed where the deviation is beyond it by more than \
-     its expanded uncertainty (95 %), which stands after ±";
+     its expanded uncertainty (95 %), shown after ±";
 
 /// True unless the whole interval of `off` ± `expanded`, its expanded uncertainty, lies further from 0 than
 /// `allowed` (JCGM 106, 8.3.3: guarded rejection). Where nothing is allowed, this is simple acceptance of a

@@ -151,7 +151,7 @@ impl ComparedBead {
 
 /// A line if this frame never came for some strikes.
 fn lacks(frame: &str, strikes: u64) -> Option<String> {
-    (strikes > 0).then(|| format!("of {} the {frame} never came", count(strikes, "strike")))
+    (strikes > 0).then(|| format!("the {frame} of {} was not received", count(strikes, "strike")))
 }
 
 /// A line if the recording ends before the emulated striker hit for the last time.
@@ -163,7 +163,7 @@ fn unstruck(truth: &RunTruth, last_index: u64) -> Option<String> {
         .count() as u64;
     (missed > 0).then(|| {
         format!(
-            "the last frame is of sample index {last_index}, and {} came after that",
+            "the last frame is of sample index {last_index}, and {} came after it",
             count(missed, "strike")
         )
     })

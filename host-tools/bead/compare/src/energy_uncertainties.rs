@@ -41,7 +41,7 @@ impl EnergyUncertainties {
         let mut all = of.into_iter().flat_map(Self::each).peekable();
         all.peek()?;
         let lacking = all.any(|u| u.is_none());
-        let why = "; none where a flag or the chain means an error that no bound holds";
+        let why = "; none where a flag or the chain means an error without a bound";
         Some(format!(
             "2 u of the stated calibration{}",
             if lacking { why } else { "" }

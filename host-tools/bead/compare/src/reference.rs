@@ -107,12 +107,12 @@ pub fn compare(strike: &RecordedStrike, reference: &Waveform) -> Result<AgainstR
     let number = strike.said.strike;
     if strike.settings.is_none() {
         return Err(format!(
-            "strike {number} came without settings, so its samples have no units"
+            "strike {number} came without settings, so its samples have no units; choose another with --strike"
         ));
     }
     let signals = StrikeSignals::of(strike).ok_or_else(|| {
         let (missing, samples) = (strike.missing(), strike.said.samples);
-        format!("strike {number} misses {missing} of its {samples} samples; choose another with --strike")
+        format!("strike {number} lacks {missing} of its {samples} samples; choose another with --strike")
     })?;
     let StrikeSignals { settings, rate, .. } = signals;
     let (force, acceleration) = (&signals.force, &signals.acceleration);
@@ -169,7 +169,7 @@ fn aligned(
     let long = reference.end() - reference.begin();
     if long > LONGEST {
         return Err(format!(
-            "the reference is {long:.1} s long, and {LONGEST} s are searched at most; cut the strike out of it"
+            "the reference is {long:.1} s long, and at most {LONGEST} s are searched; cut the strike out of it"
         ));
     }
     let mut reference = reference.clone();
@@ -184,8 +184,8 @@ fn aligned(
     let (whole, square_own) = (product(bead, bead), product(&own, &own));
     if square_own < COVERED * whole || overlap.len() < 8 {
         return Err(format!(
-            "the reference's {name} reaches over {:.0} % of the energy of the bead's, and {:.0} % are needed; is it a longer \
-             record of the same strike?",
+            "the reference's {name} covers {:.0} % of the energy of the bead's, and {:.0} % are needed; give a longer record \
+             of the same strike",
             100.0 * square_own / whole,
             100.0 * COVERED
         ));
@@ -406,7 +406,7 @@ mod tests {
         short.force = Some(Trace::even(few.skip(1400).take(300).collect(), 1e6));
         let why = compare(&strike, &short).err().unwrap();
         assert!(
-            why.contains("reaches over") && why.contains("90 % are needed"),
+            why.contains(" covers ") && why.contains("90 % are needed"),
             "{why}"
         );
         // A sine has little in common with a solitary wave.

@@ -51,7 +51,7 @@ impl ComparedReference<'_> {
 
     fn pictures(&self) -> Chapter {
         let text = "The reference is shifted by the delay and scaled by the gain that fit best. Below is what is left of the \
-                    bead’s samples when it is subtracted.";
+                    bead’s samples when the reference is subtracted.";
         let section = Chapter::new("One over the other").text(text);
         self.quantities().fold(section, |section, (name, unit, aligned)| {
             section.chart(chart(name, unit, &aligned.points))
@@ -88,7 +88,7 @@ fn tiles(name: &str, aligned: &AlignedQuantity) -> [(String, String); 3] {
     [
         tile(format!("{:.5}", aligned.correlation), "correlation of the {}"),
         tile(format!("{:.4}", aligned.gain), "gain of the {}"),
-        tile(part, "residual of the {}, rms, of its peak"),
+        tile(part, "rms residual of the {}, of its peak"),
     ]
 }
 

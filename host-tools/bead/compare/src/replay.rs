@@ -85,8 +85,8 @@ pub fn replay(strike: &RecordedStrike) -> Replay {
     let Some(settings) = &strike.settings else {
         return Replay::incomplete(match strike.unreleased_settings {
             Some(version) => format!(
-                "strike {number}: its settings block has version {version}, of a build before the first release; that \
-                 build replays it"
+                "strike {number}: its settings block has version {version}, of a build before the first release; use that \
+                 build to replay it"
             ),
             None => {
                 format!("strike {number}: no settings were received, so there is nothing to replay it with")
@@ -98,7 +98,7 @@ pub fn replay(strike: &RecordedStrike) -> Replay {
     if let Some(index) = indices.into_iter().find(|index| *index > INDEX_MOST) {
         return Replay {
             first_difference: Some(format!(
-                "strike {number}: its sample index {index} is none that a bead reaches, so its frames are not what a \
+                "strike {number}: no bead reaches its sample index {index}, so its frames are not what a \
                  bead sent; record it again"
             )),
             ..Replay::default()
@@ -134,11 +134,12 @@ pub fn replay(strike: &RecordedStrike) -> Replay {
 /// The replay of a strike with a gap; `energies` are those before it.
 fn cut(strike: &RecordedStrike, energies: Vec<(Energy, Energy)>) -> Replay {
     let (number, missing, before) = (strike.said.strike, strike.missing(), energies.len());
-    let agree = match before {
-        0 => "nothing comes before it".to_owned(),
-        _ => format!("the {before} before it agree"),
-    };
     let differs = differs_in_chunks(strike, &energies);
+    let agree = match (before, &differs) {
+        (0, _) => "nothing comes before it".to_owned(),
+        (_, None) => format!("the {before} before it agree"),
+        (_, Some(_)) => format!("the {before} before it differ"),
+    };
     Replay {
         said: None,
         energies,
@@ -178,12 +179,12 @@ fn differs_in_chunks(strike: &RecordedStrike, energies: &[(Energy, Energy)]) -> 
 }
 
 /// The usual cause of a difference, by its place.
-const FROM_THE_START: &str = "as it is off from the start of the window, the bead usually ran with other settings than the \
-     recording carries, or with an image of another version";
-const FROM_SOMEWHERE: &str = "as all before it agrees, usually a code of the window was damaged on its way, or the bead's \
-     memory was";
-const IN_THE_REPORT: &str =
-    "as the energies of all its chunks agree, usually the bead ran an image of another version";
+const FROM_THE_START: &str = "a difference from the start of the window usually means that the bead ran with other settings than \
+     the recording carries, or with an image of another version";
+const FROM_SOMEWHERE: &str = "a difference after samples that agree usually means that a code of the window was damaged on its \
+     way, or that the bead's memory was";
+const IN_THE_REPORT: &str = "a difference after chunks whose energies all agree usually means that the bead ran an image of \
+     another version";
 
 /// Bits of a group of fields that is not there.
 const ABSENT: i128 = i128::MIN;
@@ -214,8 +215,8 @@ fn is_of_an_older_image(strike: &RecordedStrike, said: &Strike, shape: &Shape) -
     let mut holds = [same(&strike.said, said), same(&device, shape)].concat();
     holds.retain(|field| !place.contains(&field.as_str()));
     Some(format!(
-        "made by an image whose estimates this program no longer makes: its energies lack what the intruder still held at \
-         the end of the window. Its codes, settings and times hold, and these results come out with the same bits: {}",
+        "made by an image whose estimates this program no longer computes: its energies lack what the intruder still held at \
+         the end of the window. Its codes, settings and times are valid, and these results have the same bits: {}",
         holds.join(", ")
     ))
 }
@@ -234,7 +235,7 @@ fn apart([device, replay]: [FieldNumber; 2]) -> String {
     let highest = 127 - (device.bits ^ replay.bits).leading_zeros();
     let steps = device.bits.abs_diff(replay.bits);
     format!(
-        "{shown}; the highest bit that differs is bit {highest}, and they are {steps} of the last bit apart"
+        "{shown}; the highest bit that differs is bit {highest}, and they differ by {steps} of the last bit"
     )
 }
 
@@ -401,7 +402,7 @@ fn differs_as_stream(strike: &RecordedStrike, settings: &Settings) -> Option<Str
         }
         if meter.strikes() > fired && index != trigger {
             return Some(format!(
-                "strike {number}: the detector fires at sample index {index}, the device's at {trigger}"
+                "strike {number}: the replay's detector fires at sample index {index}, and the device's at {trigger}"
             ));
         }
     }
@@ -413,13 +414,13 @@ fn differs_as_stream(strike: &RecordedStrike, settings: &Settings) -> Option<Str
         .map(|report| in_conditions(strike, &settings, report));
     let Some((mut said, mut shape)) = report else {
         return Some(format!(
-            "strike {number}: the detector does not fire on these samples, the device's fired at {trigger}"
+            "strike {number}: the replay's detector does not fire on these samples, and the device's fired at {trigger}"
         ));
     };
     (said.strike, shape.strike) = (number, number);
     let is_cut_otherwise = output.chunks != strike.chunks;
     let what = differs_in_results(strike, &said, &shape)
-        .or_else(|| is_cut_otherwise.then(|| "the chunks are cut otherwise".to_owned()))?;
+        .or_else(|| is_cut_otherwise.then(|| "the chunks are cut differently".to_owned()))?;
     Some(format!("strike {number}, as a stream: {what}"))
 }
 
@@ -608,7 +609,7 @@ mod tests {
         let parts = [
             "strike 0: peak_force of the strike frame: device 6.",
             &format!("N ({device:#x}), replay 6."),
-            "the highest bit that differs is bit 4, and they are 16 of the last bit apart",
+            "the highest bit that differs is bit 4, and they differ by 16 of the last bit",
             "an image of another version",
         ];
         for part in parts {
@@ -642,7 +643,7 @@ mod tests {
         for change in changes {
             for before_end in [0, i64::MAX as u64] {
                 let index = u64::MAX - before_end;
-                let refused = format!("its sample index {index} is none that a bead reaches");
+                let refused = format!("no bead reaches its sample index {index}");
                 // The place of missing samples is not given either.
                 for scans in [632, 672] {
                     let what = changed(|strike| {
@@ -653,7 +654,7 @@ mod tests {
                 }
             }
             let what = changed(|strike| change(&mut strike.said, INDEX_MOST));
-            assert!(!what.contains("none that a bead reaches"), "{what}");
+            assert!(!what.contains("no bead reaches"), "{what}");
         }
     }
 

@@ -37,11 +37,11 @@ pub fn bead_of(solution: &Solution, bead: usize) -> Result<Bead, CompareError> {
     let several = model.intruders_of(bead).len();
     if several > 1 {
         return unfit(format!(
-            "it has {several} intruders, and the sensor of a bead is the only one in it; choose a host of one"
+            "this bead has {several} intruders, and a sensing bead has exactly one; choose a bead with one"
         ));
     }
     if bead + 1 == model.bodies() {
-        let what = "the last bead has none behind it, and the reduced chain needs one; choose another host";
+        let what = "this is the last bead, and the reduced chain needs one behind it; choose another bead";
         return unfit(what.to_owned());
     }
     let behind = model.contact(bead + 1);
@@ -159,18 +159,18 @@ pub fn unlike_the_reduced_chain(solution: &Solution, bead: usize) -> UnlikeChain
     if let Some(other) = behind().find(is_other) {
         unlike.explained[1] = f64::INFINITY;
         let holds = match model.intruders_of(other.bead).len() {
-            1 => format!("another intruder than those nearer to bead {bead}"),
+            1 => format!("another kind of intruder than those nearer to bead {bead}"),
             several => format!("{several} intruders"),
         };
         unlike.notes.push(format!(
-            "bead {} holds {holds}: estimate B reckons with one kind and is off here; A is not concerned",
+            "bead {} has {holds}: estimate B assumes one kind of intruder and is off here; A is not affected",
             other.bead
         ));
     }
     let load = model.contact(model.bodies() - 1).load;
     if load > 0.0 {
         unlike.notes.push(format!(
-            "the chain is pressed together by {load} N: the bead's forces are what comes on top of it"
+            "the chain is under a load of {load} N: the bead's forces are those beyond this load"
         ));
     }
     let width = bead_of(solution, bead).map(|physics| physics.pulse_width(1.0));

@@ -54,9 +54,9 @@ pub(super) fn section(strikes: &[StrikeComparison], goals: &[Spread; 2]) -> Opti
         .iter()
         .zip(goals.iter().map(Some).chain(std::iter::repeat(None)));
     let rows = quantities.filter_map(|(quantity, goal)| row(quantity, strikes, goal, unit));
-    let text = "By the bead. The spread is a standard deviation. The mean is off the full chain by what stands beside it; the \
-                true mean lies within the uncertainty in 19 cases of 20. Bars show how often each value came, from the least \
-                to the greatest.";
+    let text = "Values by the bead. The spread is a standard deviation. The column mean off by is the deviation of the mean \
+                from the full chain; the true mean lies within the uncertainty in 19 cases of 20. Bars show how often each value \
+                occurred, from the least to the greatest.";
     let count = strikes.len();
     let headings =
         format!("all {count} strikes | mean | spread | ~least | ~greatest | mean off by | #values");

@@ -211,7 +211,7 @@ impl ComparedStrikes<'_> {
         let (all, shown) = (self.compared.count, self.compared.strikes.len());
         let left_out = (all > shown).then(|| {
             let more = count((all - shown) as u64, "strike");
-            format!("{more} more than are shown; means, scatter and the verdict are over all {all}")
+            format!("{more} more than shown; means, scatter and the verdict are over all {all}")
         });
         Chapter::new("Checks")
             .table(Grid::new("check | found | goal |", rows))
@@ -226,7 +226,7 @@ impl ComparedStrikes<'_> {
         let strike = "Each dot is one sample, turned back into its unit with the bead’s own calibration. Rings and discs are \
                       the running energies that the bead sent, one of each for a chunk of samples.";
         let residual = "What is left when the simulation is subtracted. For the sensors: noise, and the steps of the twelve \
-                        bits. For the energies: the error of each estimate on its way. f64 is the same estimate in floating \
+                        bits. For the energies: the error of each estimate over time. f64 is the same estimate in floating \
                         point from the same samples.";
         let section = Chapter::new("The strike").text(strike).chart(strike_chart);
         Some(section.text(residual).chart(residual_chart))
@@ -573,7 +573,7 @@ mod tests {
         assert!((parts / 2e-2 - 1.0).abs() < 1e-3, "{unlike:?}");
         assert_eq!((unlike.u_absorbed_predicted, unlike.u_difference), (None, None));
         let legends = [&unlike, &energies].map(|of| EnergyUncertainties::legend([of]).unwrap());
-        let has_bounds = legends.map(|legend| !legend.contains("no bound holds"));
+        let has_bounds = legends.map(|legend| !legend.contains("without a bound"));
         assert_eq!(has_bounds, [false, true]);
     }
 }

@@ -81,8 +81,8 @@ pub fn fit(
         let ratios = alike(ratios.collect());
         if ratios.is_empty() {
             return Err(CompareError::Unfit(
-                "no strike came with its settings, all of its samples and a force within the sensor's range, so that there \
-                 is no force to find the striker's velocity from; give it with --velocity"
+                "no strike came with its settings, all of its samples and a force within the sensor's range, so no \
+                 force gives the striker's velocity; give it with --velocity"
                     .to_owned(),
             ));
         }

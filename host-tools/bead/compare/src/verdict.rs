@@ -116,16 +116,16 @@ pub fn other_length(
     let duration = scenario.duration;
     if 1.0 - truth / measured > LITTLE {
         return Some(format!(
-            "the scenario ends at {duration} s, and {:.1} % of the energy that bead {bead} measures comes after that, so its \
-             truth lacks it; make the scenario's duration longer",
+            "the scenario ends at {duration} s, and {:.1} % of the energy that bead {bead} measures comes after that, so the \
+             truth lacks this energy; make the scenario's duration longer",
             100.0 * (1.0 - truth / measured)
         ));
     }
     let late = 1.0 - measured / truth;
     (late > LITTLE).then(|| {
         format!(
-            "the scenario lasts {duration} s, and {:.1} % of the energy that bead {bead} takes in it comes after its window, \
-             which ends at {end:.4} s, so the truth has more than the bead measures; make the scenario's duration shorter",
+            "the scenario lasts {duration} s, and {:.1} % of the energy that bead {bead} takes until then comes after its \
+             window, which ends at {end:.4} s, so the truth has more than the bead measures; make the scenario's duration shorter",
             100.0 * late
         )
     })

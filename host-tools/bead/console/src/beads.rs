@@ -52,7 +52,7 @@ impl FromStr for BeadNumbers {
         }
         beads.sort_unstable();
         match beads.windows(2).find(|pair| pair[0] == pair[1]) {
-            Some(pair) => Err(format!("bead {} is named twice", pair[0])),
+            Some(pair) => Err(format!("bead {} is named twice; name it once", pair[0])),
             None => Ok(Self::Several(beads)),
         }
     }
@@ -66,7 +66,7 @@ pub fn one_bead(text: &str) -> Result<usize, String> {
     match text.parse()? {
         BeadNumbers::One(bead) => Ok(bead),
         _ => Err(format!(
-            "{text} is not one bead, which this command is for; give one number, such as 8"
+            "{text} is not a single number, and this command is for one bead; give a number such as 8"
         )),
     }
 }

@@ -81,7 +81,9 @@ fn end(signal: i32) -> ! {
     stm32f405_qemu::remove_temporary_files();
     match LEFT.get() {
         Some(left) => note(format_args!("interrupted; {left}")),
-        None => note(format_args!("interrupted; nothing is left behind, run it again")),
+        None => note(format_args!(
+            "interrupted; nothing is left behind, so run the command again"
+        )),
     }
     process::exit(128 + signal)
 }

@@ -123,7 +123,7 @@ pub fn seconds_of_a_day(text: &str) -> Result<Duration, String> {
     let duration = seconds(text)
         .ok()
         .filter(|duration| duration.as_secs_f64() <= 86_400.0);
-    duration.ok_or_else(|| "give seconds, more than 0 and at most 86400, a day".to_owned())
+    duration.ok_or_else(|| "give seconds, more than 0 and at most 86400 (a day)".to_owned())
 }
 
 /// The text of a table without rules: names on the left, numbers on the right. `|` separates the header's

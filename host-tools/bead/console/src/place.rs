@@ -205,7 +205,7 @@ fn allowed(path: &Path, kind: FileKind, inputs: &[&Path], overwrite: Overwrite) 
     }
     bail!(
         Input,
-        "standard output takes one result; give the others names of files"
+        "standard output takes only one result; give the other outputs file names"
     )
 }
 
@@ -216,7 +216,7 @@ fn file(path: &Path, kind: FileKind, inputs: &[&Path], overwrite: Overwrite) -> 
     };
     let refused = |why: &str| Err(why.to_owned());
     if path.file_name().is_none() {
-        return refused("is no name of a file; give the output one");
+        return refused("is not a file name; give the output one");
     }
     if inputs.iter().any(|input| same(path, input)) {
         return refused("is an input of this command and would be lost; give the output another name");
@@ -241,10 +241,10 @@ fn file(path: &Path, kind: FileKind, inputs: &[&Path], overwrite: Overwrite) -> 
         ));
     }
     if !overwrite.overwrite {
-        return refused("is there already; give another name, or --overwrite to replace it");
+        return refused("already exists; give another name, or --overwrite to replace it");
     }
     if found.permissions().readonly() {
-        return refused("may not be written to; give the output another name");
+        return refused("is read-only; give the output another name");
     }
     // A link stays, and what it leads to is replaced.
     let path = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());

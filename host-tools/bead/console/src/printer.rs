@@ -87,7 +87,7 @@ impl Printer {
         let paused = !self.thread.is_finished();
         if self.left_out > 0 || paused {
             note!(
-                "the reader of standard output was too slow: lines are missing there, and the recording has all"
+                "the reader of standard output was too slow: lines are missing there, but the recording has them all"
             );
         }
         if paused {

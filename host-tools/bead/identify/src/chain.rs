@@ -47,7 +47,8 @@ impl ChainOfScenario {
                 ))
             }
             _ => Err(format!(
-                "bead {bead} of the scenario holds {} intruders, and a chain that is identified one in each host at most",
+                "bead {bead} of the scenario has {} intruders, but a chain can be identified only with at most \
+                 one in each bead",
                 held.len()
             )),
         }
@@ -67,7 +68,8 @@ impl ChainOfScenario {
                 Err("no bead of this scenario has an intruder; add an [[intruder]] to it".to_owned())
             }
             (None, hosts) => Err(format!(
-                "several beads have intruders ({}), and none is bead {address}; give the place of the bead",
+                "several beads of the scenario have intruders ({}), but not bead {address}; give the place of \
+                 the bead",
                 first_of(hosts, NAMED)
             )),
         }
@@ -80,7 +82,7 @@ impl ChainOfScenario {
     pub fn without_intruder(scenario: &Scenario, bead: usize) -> Result<Self, String> {
         if !(1..=scenario.chain.beads).contains(&bead) {
             return Err(format!(
-                "bead {bead} is not of the scenario's chain of {}",
+                "bead {bead} is not in the scenario's chain of {} beads",
                 scenario.chain.beads
             ));
         }
@@ -93,7 +95,7 @@ impl ChainOfScenario {
         if let Some(table) = table.filter(|table| is_cubic(*table)) {
             let key = format!("intruder[{}].cubic_stiffness", table + 1);
             return Err(format!(
-                "{key}: k and c are those of a linear spring; leave it out"
+                "{key}: k and c describe a linear spring; leave this key out"
             ));
         }
         let step = step_of(&model);

@@ -49,7 +49,7 @@ impl ChainStrike {
         let noise = strike.force()?.noise(noises)?.deviation();
         if peak < LEAST_PEAK * noise {
             return Err(format!(
-                "its force is too quiet, {peak:.3} N of {noise:.4} N noise; strike harder"
+                "its force is too quiet, {peak:.3} N with a noise of {noise:.4} N; strike harder"
             ));
         }
         let bead = runs.chain.bead;
@@ -135,7 +135,7 @@ impl ChainStrike {
         let duration = scenario.duration.min(self.length as f64 / rate);
         let (arrival, highest) = self.runs.highest(values, &self.sensors, duration)?;
         if highest <= 0.0 {
-            return Err("no force reaches the bead of the scenario in its duration".to_owned());
+            return Err("no force reaches the bead within the duration of the scenario".to_owned());
         }
         let faster = (peak / highest).powf(5.0 / 6.0);
         self.start = [faster.ln(), at - arrival * faster.powf(-0.2) * rate];
@@ -146,7 +146,7 @@ impl ChainStrike {
     fn signals(&self, values: &Values, own: &[f64]) -> Result<SpeedSignals, String> {
         let speed = own[0];
         if !speed.is_finite() || speed.abs() > 5.0 {
-            return Err("no striker is as fast as its force asks for".to_owned());
+            return Err("its force would need an impossible velocity of the striker".to_owned());
         }
         let delays = self.channels.series.iter().map(|(series, _)| series.delay);
         let late = delays.fold(0.0, f64::max);

@@ -211,8 +211,8 @@ pub fn doubts(
             doubts.push(Doubt {
                 kind: "recordings_differ",
                 text: format!(
-                    "{} differs between recordings: {} in {}, {} in {}, {:+.2} %, where chance explains {:.2} %: the bead \
-                     has changed, or its mounting; identify each recording by itself",
+                    "{} differs between recordings: {} in {}, {} in {}, {:+.2} %, where chance explains {:.2} \
+                     %: the bead or its mounting has changed; identify each recording by itself",
                     quantity.symbol(),
                     shown(*quantity, low),
                     least.recording,
@@ -234,8 +234,9 @@ pub fn doubts(
         doubts.push(Doubt {
             kind: "hardening",
             text: format!(
-                "the spring is {:.1} % {verb} at its greatest stroke of {:.2} µm: k and c hold for strikes as loud as \
-                 these alone; identify from strikes of the size that is measured, or make the spring linear",
+                "the spring is {:.1} % {verb} at its greatest stroke of {:.2} µm: k and c hold only for \
+                 strikes as loud as these; identify from strikes as loud as those to be measured, or make the \
+                 spring linear",
                 100.0 * share * hardening.part,
                 1e6 * hardening.stroke_m
             ),
@@ -245,9 +246,9 @@ pub fn doubts(
         doubts.push(Doubt {
             kind: "misfit",
             text: format!(
-                "the model does not explain the samples, χ²/ν = {:.2} (p = {:.1e}), and standard errors are enlarged by \
-                 {:.2}: something else moves the intruder; see the picture's residuals, how the bead is held, and what \
-                 the settings or the scenario say of it",
+                "the model does not explain the samples, χ²/ν = {:.2} (p = {:.1e}), and standard errors are \
+                 enlarged by {:.2}: something else moves the intruder; check the residuals in the picture, how \
+                 the bead is held, and the settings or the scenario",
                 goodness.chi_squared / goodness.free,
                 goodness.probability,
                 goodness.scale()
@@ -258,8 +259,9 @@ pub fn doubts(
         doubts.push(Doubt {
             kind: "scatter",
             text: format!(
-                "the strikes scatter {scatter:.1} times as much as their noise explains, and standard errors are enlarged \
-                 by that: strikes differ in more than their speed; see how the bead is held and tapped"
+                "the strikes scatter {scatter:.1} times as much as their noise explains, and standard errors \
+                 are enlarged by this factor: strikes differ in more than their speed; check how the bead is \
+                 held and tapped"
             ),
         });
     }

@@ -69,7 +69,8 @@ pub enum FitError {
     },
     /// The steps did not end.
     #[error(
-        "the fit found no end in {MOST_STEPS} steps; begin nearer to the true values, by --from, or fit fewer quantities"
+        "the fit did not converge in {MOST_STEPS} steps; start nearer to the true values with --from, or fit \
+         fewer quantities"
     )]
     NoEnd,
     /// The quantities cannot be told apart.
@@ -93,7 +94,7 @@ fn equations(
         let mut evaluation = model.evaluate(values, own, with_shared)?;
         evaluation.columns().for_each(|column| model.whiten(column));
         StrikeNormal::new(&evaluation, damping)
-            .ok_or_else(|| "its speed and moment cannot be told apart; it is too quiet".to_owned())
+            .ok_or_else(|| "its strength and timing cannot be told apart; it is too quiet".to_owned())
     };
     let all: Vec<Result<StrikeNormal, String>> = strikes.par_iter().map(of).collect();
     let all = all.into_iter().enumerate();

@@ -106,7 +106,7 @@ pub fn identify<'a>(candidates: &'a [Candidate], wanted: &Wanted) -> Result<Iden
     let ((mut used, mut starts), mut left_out) = begun(candidates, &wanted.start);
     if starts.is_empty() {
         let first = left_out.into_iter().next();
-        let (strike, why) = first.unwrap_or_else(|| (0, "there is none".to_owned()));
+        let (strike, why) = first.unwrap_or_else(|| (0, "there is no strike".to_owned()));
         return Err(FitError::Strike { strike, why });
     }
     let at_start = normal_at(&starts, &wanted.start)?;

@@ -66,14 +66,14 @@ impl Tap {
         let (first, last) = acts()
             .next()
             .zip(acts().next_back())
-            .ok_or("its force is in the noise; tap harder")?;
+            .ok_or("its force does not rise above the noise; tap harder")?;
         let (from, to) = (
             first.0.saturating_sub(AROUND),
             (last.0 + 1 + AROUND).min(strike.length),
         );
         if to - from > LONGEST {
             return Err(format!(
-                "its force acts for {:.1} ms; tap shorter, so that the intruder rings after it",
+                "its force acts for {:.1} ms; tap more briefly, so that the intruder still rings afterwards",
                 1e3 * (to - from) as f64 / strike.rate
             ));
         }
@@ -84,7 +84,8 @@ impl Tap {
             .collect();
         if force.len() != to - from || acts().any(|(at, _)| *at + 1 == strike.length) {
             return Err(
-                "its force is at a rail, or goes on at the end of its window; tap more softly".to_owned(),
+                "its force is at a rail, or has not ended at the end of its window; tap more softly"
+                    .to_owned(),
             );
         }
         let peak = force.iter().fold(0.0_f64, |most, value| value.abs().max(most));

@@ -224,15 +224,15 @@ fn result_of(found: &Identified<'_>, wanted: &Wanted, quantity: Quantity) -> Qua
     let held_because = degenerate.map(|one| {
         let known = if one.error.is_finite() {
             format!(
-                "the data know a combination of them to {:.0} % only",
+                "the data determine a combination of them only to {:.0} %",
                 100.0 * one.error
             )
         } else {
-            "the data know nothing of a combination of them".to_owned()
+            "the data say nothing about a combination of them".to_owned()
         };
         match one.together[..] {
             [_] => format!(
-                "the data do not tell {}: it stays as the start has it",
+                "the data do not determine {}: it keeps its start value",
                 quantity.symbol()
             ),
             _ => format!("{} cannot be told apart: {known}", listed(&one.together)),

@@ -82,14 +82,15 @@ impl RingDown {
         let loudest = amplitude_of(&all[..all.len().min(period.ceil() as usize)]);
         if loudest < LEAST_AMPLITUDE * noise {
             return Err(format!(
-                "its ringing after the tap is too quiet, {loudest:.2} m/s² of {noise:.3} m/s² noise; tap harder"
+                "its ringing after the tap is too quiet, {loudest:.2} m/s² with a noise of {noise:.3} m/s²; \
+                 tap harder"
             ));
         }
         let audible = ((loudest / (2.0 * noise)).ln() / beta * strike.rate).min(all.len() as f64);
         if audible < LEAST_PERIODS * period {
             return Err(format!(
-                "its ringing is too short, {:.2} ms of which a period takes {:.2} ms; tap shorter, with a harder tip, \
-                 and see that nothing touches the bead",
+                "its ringing is too short, {:.2} ms with a period of {:.2} ms; tap more briefly, with a harder \
+                 tip, and make sure that nothing touches the bead",
                 1e3 * audible / strike.rate,
                 1e3 * period / strike.rate
             ));
@@ -145,7 +146,9 @@ fn longest_quiet(strike: &StrikeSeries, limit: f64) -> Result<(usize, usize), St
     }
     let (from, to) = (longest.0 + SETTLE, longest.1);
     if from >= to {
-        return Err("the force does not go away in its window, so the intruder never rings alone".to_owned());
+        return Err(
+            "the force does not end within its window, so the intruder never rings freely".to_owned(),
+        );
     }
     Ok((from, to))
 }

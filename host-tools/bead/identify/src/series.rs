@@ -130,7 +130,7 @@ impl Series {
         let noise = &noises[self.channel.place()];
         noise
             .clone()
-            .ok_or_else(|| "a channel has no quiet codes".to_owned())
+            .ok_or_else(|| "a channel has no quiet samples, so its noise is unknown".to_owned())
     }
 }
 
@@ -171,7 +171,7 @@ impl StrikeSeries {
         let scans = &strike.scans;
         if scans.len() <= usize::from(BASELINE) {
             return Err(format!(
-                "its window has {} samples, and the zero takes {BASELINE}",
+                "its window has only {} samples, but its zero alone needs {BASELINE}",
                 scans.len()
             ));
         }

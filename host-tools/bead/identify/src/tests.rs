@@ -196,8 +196,8 @@ fn recordings_that_differ_springs_that_harden_and_friction_are_said_and_a_good_b
 fn ringing_that_is_too_quiet_or_too_short_has_a_line_and_intervals_by_profile_are_near_the_linear_ones() {
     for (peak, duration, parts) in [
         (0.1, 1e-3, ["too quiet", "tap harder"]),
-        (12.0, 4.9e-3, ["ringing is too short", "tap shorter"]),
-        (5.0, 9e-3, ["does not go away", "never rings alone"]),
+        (12.0, 4.9e-3, ["ringing is too short", "tap more briefly"]),
+        (5.0, 9e-3, ["does not end", "never rings freely"]),
     ] {
         let tap = TestTap {
             peak,

@@ -45,7 +45,7 @@ pub(super) fn waveform(
     if choice.strike.is_some() {
         return Err(WaveformError::unfit(
             path,
-            "holds arrays, whose strikes have no numbers; leave --read strike out",
+            "has arrays, whose strikes are not numbered; leave --read strike out",
         ));
     }
     let own = rate_hz.filter(|_| choice.time.is_none());

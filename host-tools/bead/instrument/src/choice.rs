@@ -75,7 +75,7 @@ impl FromStr for Wanted {
         };
         let size = unit.map(|unit| {
             parse_size(unit).ok_or_else(|| {
-                format!("`{unit}` is no unit that is known; give one as in CH1:N, CH1:8.9N or CH2:98m/s2")
+                format!("`{unit}` is not a known unit; give one as in CH1:N, CH1:8.9N or CH2:98m/s2")
             })
         });
         let column = match column.trim().split_once('=') {
@@ -114,7 +114,7 @@ mod tests {
     #[test]
     fn a_column_without_a_name_or_with_another_unit_is_refused_with_an_example() {
         let refused = |text: &str| text.parse::<Wanted>().unwrap_err();
-        assert!(refused("CH1:8.9").contains("`8.9` is no unit that is known; give one as in CH1:N"));
+        assert!(refused("CH1:8.9").contains("`8.9` is not a known unit; give one as in CH1:N"));
         assert!(refused(":N").contains("as in CH1:8.9N or 2:8.9N"));
     }
 }

@@ -130,7 +130,7 @@ pub(super) fn pick(path: &Path, headers: &[ColumnHeader], choice: &Choice) -> Re
     picks.acceleration = table.signal(choice, Quantity::Acceleration)?;
     if picks.force.is_none() && picks.acceleration.is_none() {
         return table.unfit(format!(
-            "has no column of force or acceleration with a unit among {}; say which, and what 1 of it is: \
+            "has no column of force or acceleration with a unit among {}; say which, and what 1 in it means: \
              --read force=CH1:8.9N or --read acceleration=CH2:98m/s2",
             table.shown()
         ));
@@ -236,7 +236,7 @@ impl NamedColumns<'_> {
             None => 1.0,
             Some((of, _)) => {
                 return self.unfit(format!(
-                    "{}{column}: its unit is by volt, and the column is one of {}; leave the unit out",
+                    "{}{column}: the unit given is per volt, but the column is in a unit of {}; leave the unit out",
                     option(quantity),
                     of.name()
                 ));
@@ -247,7 +247,7 @@ impl NamedColumns<'_> {
             Some((Quantity::Voltage, _)) => format!("is in {}", header.written_unit().unwrap_or("V")),
             Some((of, _)) => {
                 return self.unfit(format!(
-                    "{}{column}: its unit is one of {}; give one of {}",
+                    "{}{column}: its unit is a unit of {}; give a unit of {}",
                     option(quantity),
                     of.name(),
                     quantity.name()
@@ -255,7 +255,7 @@ impl NamedColumns<'_> {
             }
             None => match header.written_unit() {
                 Some(unit) => format!(
-                    "is in `{}`, which is no unit of {} that is known",
+                    "is in `{}`, which is not a known unit of {}",
                     beginning(unit, LETTERS),
                     quantity.name()
                 ),
@@ -268,7 +268,7 @@ impl NamedColumns<'_> {
             _ => "98m/s2",
         };
         self.unfit(format!(
-            "column {column} {why}; say what 1 of it is: {}{column}:{example}",
+            "column {column} {why}; say what 1 in it means: {}{column}:{example}",
             option(quantity)
         ))
     }
@@ -336,7 +336,10 @@ impl NamedColumns<'_> {
         };
         let place = header.place;
         let Some(unit) = header.unit() else {
-            let remark = format!("column {} has no unit and is taken for seconds", header.shown());
+            let remark = format!(
+                "column {} has no unit and is taken to be in seconds",
+                header.shown()
+            );
             return Ok((Picked { place, size: 1.0 }, Some(remark)));
         };
         let size = unit.size;
@@ -353,7 +356,7 @@ impl NamedColumns<'_> {
                     .at(picked.place)
                     .map_or_else(String::new, ColumnHeader::numbered);
                 return self.unfit(format!(
-                    "{column} is taken for the {} and for the {}; give each its own with {}COLUMN and {}COLUMN",
+                    "{column} is used for the {} and for the {}; give each its own with {}COLUMN and {}COLUMN",
                     quantity.name(),
                     other.name(),
                     option(quantity),
@@ -422,7 +425,7 @@ mod tests {
         for wanted in ["CH1:8.9N", "ch1:8.9N", "2:8.9 N/V"] {
             let found = picked(&names, &force(wanted)).unwrap();
             assert_eq!(found.force, Some(Picked { place: 1, size: 8.9 }), "{wanted}");
-            assert!(found.remarks[0].contains("taken for seconds"));
+            assert!(found.remarks[0].contains("taken to be in seconds"));
             let taken = "time from column 1 `TIME` in s, force from column 2 `CH1` of 8.9 N";
             assert_eq!(found.remarks[1], taken);
         }
@@ -462,7 +465,10 @@ mod tests {
         let found = picked(&["t (s)", "CH1 (mV)"], &force("2:8.9N")).unwrap();
         assert_eq!(found.force, Some(Picked { place: 1, size: 8.9 }));
         let why = picked(&["t (s)", "F (N)"], &force("2:8.9N/V")).unwrap_err();
-        assert!(why.contains("by volt, and the column is one of force"), "{why}");
+        assert!(
+            why.contains("per volt, but the column is in a unit of force"),
+            "{why}"
+        );
     }
 
     #[test]
@@ -472,7 +478,7 @@ mod tests {
             ..force("CH1:N")
         };
         let error = picked(&["TIME", "CH1"], &both).unwrap_err();
-        let wanted = "column 2 `CH1` is taken for the force and for the acceleration; give each its own with";
+        let wanted = "column 2 `CH1` is used for the force and for the acceleration; give each its own with";
         assert!(error.contains(wanted), "{error}");
         let error = picked(&["TIME", "CH1"], &force("TIME:N")).unwrap_err();
         assert!(error.contains("for the time and for the force"), "{error}");
@@ -487,7 +493,7 @@ mod tests {
         let named = format!("force {long}");
         for (names, part) in [
             (&names[..], ", CH1 and 299980 more; say which"),
-            (&["t (s)", &named], "what 1 of it is: --read force=2:8.9N"),
+            (&["t (s)", &named], "what 1 in it means: --read force=2:8.9N"),
         ] {
             let why = picked(names, &Choice::default()).unwrap_err();
             assert!(why.contains(part) && why.len() < 500, "{why:.400}");
@@ -500,16 +506,16 @@ mod tests {
             (
                 "TIME|CH1|CH2",
                 "",
-                "TIME, CH1, CH2; say which, and what 1 of it is: --read force=CH1:8.9N",
+                "TIME, CH1, CH2; say which, and what 1 in it means: --read force=CH1:8.9N",
             ),
             ("t (s)|mass_g", "", "no column of force or acceleration"),
             ("t (s)|Channel G", "", "no column of force or"),
-            ("t (s)|force", "", "force has no unit; say what 1 of it is:"),
+            ("t (s)|force", "", "force has no unit; say what 1 in it means:"),
             ("t (s)|Force (V)", "", "is in V; say what 1"),
             ("F (N)", "", "no column of time among F (N); say which with"),
             ("t (s)|F1 (N)|F2 (N)", "", "2 columns of force: F1 (N), F2"),
             ("t (s)|F (N)", "G:N", "no such column of numbers; there"),
-            ("t (s)|F (N)", "F:ms", "is one of time; give one of force"),
+            ("t (s)|F (N)", "F:ms", "is a unit of time; give a unit of force"),
         ] {
             let names: Vec<_> = names.split('|').collect();
             let choice = Choice {

@@ -24,7 +24,7 @@ pub(super) fn unpack(path: &Path) -> Result<NamedTempFile, WaveformError> {
     match bytes {
         Ok(bytes) if bytes > MOST => Err(WaveformError::unfit(
             path,
-            "has more than 1 GiB when it is unpacked; cut the strike out of it",
+            "is larger than 1 GiB when unpacked; save only the strike",
         )),
         Ok(_) => Ok(unpacked),
         Err(error) if error.raw_os_error().is_some() => Err(unread(error)),

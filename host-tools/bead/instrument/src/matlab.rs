@@ -45,16 +45,16 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
         .map_err(damaged)?;
     let (header, elements) = bytes
         .split_at_checked(HEADER)
-        .ok_or_else(|| unfit("is a damaged MAT-file"))?;
+        .ok_or_else(|| unfit("is a damaged MAT-file; save it again"))?;
     if header.ends_with(b"MI") {
         return Err(unfit(
-            "is a MAT-file of a big-endian computer; save it again on another",
+            "is a MAT-file of a big-endian computer; save it again on a little-endian one",
         ));
     }
     let variables = variables(header, elements, MOST_BYTES).map_err(damaged)?;
     let too_many = || {
         unfit(
-            "has more numbers than three columns of 10 million rows, or more than 1000 columns; save the strike alone",
+            "has more numbers than three columns of 10 million rows, or more than 1000 columns; save only the strike",
         )
     };
     let variables = variables.ok_or_else(too_many)?;

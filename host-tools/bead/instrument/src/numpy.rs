@@ -64,7 +64,7 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
     let kind = array.dtype().descr();
     let Some(values) = values(array) else {
         return unfit(format!(
-            "is an array of {}, and whole numbers and floats of 32 or 64 bits are read; save it with .astype(float)",
+            "is an array of {}, but only whole numbers and floats of 32 or 64 bits are read; save it with .astype(float)",
             beginning(&one_line(&kind), 40)
         ));
     };

@@ -88,7 +88,7 @@ fn columns(path: &Path, reader: &Reader, choice: &Choice) -> Result<Picks, Wavef
     }
     let also = (!others.is_empty()).then(|| {
         format!(
-            "lists, decimals in bytes, floats of 16 bits and times of 96 bits are not read, as in {}; write them as doubles",
+            "lists, decimals in bytes, floats of 16 bits and times of 96 bits are not read, such as {}; write them as doubles",
             few(others.iter())
         )
     });
@@ -221,7 +221,7 @@ mod tests {
         let error = refused::<FixedLenByteArrayType>(column, |_| vec![0; 16].into());
         for part in [
             "no column of time among force_n; say which",
-            "are not read, as in time_s; write them as doubles",
+            "are not read, such as time_s; write them as doubles",
         ] {
             assert!(error.contains(part), "{error}");
         }
@@ -245,7 +245,7 @@ mod tests {
         let whole = std::fs::read(file.path()).unwrap();
         for (bytes, part) in [
             (&whole[..], "row 31 has no number for the force"),
-            (&whole[..whole.len() - 20], "or a damaged one"),
+            (&whole[..whole.len() - 20], "or is damaged"),
         ] {
             let error = testing::read(bytes, &Choice::default()).unwrap_err();
             assert!(error.contains(part) && error.lines().count() == 1, "{error}");

@@ -12,7 +12,9 @@ use bead_recording::file::{RecordedBead, Recording};
 pub(super) fn read(path: &Path, choice: &Choice, bead: Option<usize>) -> Result<Waveform, WaveformError> {
     let unfit = |what: String| Err(WaveformError::unfit(path, what));
     if choice.names_a_column() || choice.rate_hz.is_some() {
-        return unfit("is a recording and has its units; leave columns and --read rate out".to_owned());
+        return unfit(
+            "is a recording, which has its own units; leave columns and --read rate out".to_owned(),
+        );
     }
     let mut received = Recording::open_named(path)?;
     let beads = &received.beads;
@@ -20,7 +22,7 @@ pub(super) fn read(path: &Path, choice: &Choice, bead: Option<usize>) -> Result<
         let places: Vec<_> = beads.iter().map(RecordedBead::place).collect();
         let Some(at) = places.iter().position(|place| Some(*place) == bead) else {
             return unfit(format!(
-                "has the beads {places:?}; say with --bead which one is meant"
+                "has the beads {places:?}; choose one of them with --bead"
             ));
         };
         received = received.each().swap_remove(at);
@@ -32,14 +34,14 @@ pub(super) fn read(path: &Path, choice: &Choice, bead: Option<usize>) -> Result<
         return match all {
             0 => Err(received.no_strike(strikes.frames()).into()),
             _ => unfit(format!(
-                "has {all} strikes, from 0 on, and none is number {wanted}; --read strike=N chooses"
+                "has {all} strikes, numbered from 0, and none is number {wanted}; choose one with --read strike=N"
             )),
         };
     };
     let number = strike.said.strike;
     if strike.missing() > 0 {
         return unfit(format!(
-            "strike {wanted} misses {} of its {} samples; choose another with --read strike=N",
+            "strike {wanted} lacks {} of its {} samples; choose another with --read strike=N",
             strike.missing(),
             strike.said.samples
         ));
@@ -56,7 +58,8 @@ pub(super) fn read(path: &Path, choice: &Choice, bead: Option<usize>) -> Result<
     }
     if choice.strike.is_none() && strikes.next().is_some() {
         rows.remarks.push(format!(
-            "it has several strikes, and the first is taken, which its bead counts as {number}; --read strike=N chooses"
+            "it has several strikes, and the first is taken, which is number {number} of its bead; choose another with \
+             --read strike=N"
         ));
     }
     rows.end()

@@ -66,7 +66,7 @@ impl WavSamples {
                     return Ok(Self { form, file, left });
                 }
                 (b"data", None) => {
-                    let what = "its samples come before their form";
+                    let what = "its samples come before their format";
                     return Err(io::Error::new(ErrorKind::InvalidData, what));
                 }
                 _ => file.seek_relative(length.into())?,

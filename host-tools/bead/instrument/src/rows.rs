@@ -80,7 +80,7 @@ impl<'a> Rows<'a> {
         let (path, row) = (self.path, self.row);
         if self.count == MOST {
             return self.unfit(format!(
-                "has more than {} million {row}s; cut the strike out of it, or keep every tenth",
+                "has more than {} million {row}s; save only the strike, or every tenth {row}",
                 MOST / 1_000_000
             ));
         }
@@ -94,13 +94,15 @@ impl<'a> Rows<'a> {
             let Some(column) = column else { continue };
             let Some(value) = value.filter(|value| value.is_finite()) else {
                 return unfit(format!(
-                    "{row} {number} has no number for the {}; a waveform has no gaps: fill it in, or cut it out",
+                    "{row} {number} has no number for the {}; a waveform must have no gaps: fill in the number, or \
+                     remove the {row}",
                     quantity.name()
                 ));
             };
             if value.abs() > GREATEST {
                 return unfit(format!(
-                    "{row} {number} has {value:.3e} {} for the {}, and nothing is above {GREATEST:e}; mend it, or its unit",
+                    "{row} {number} has {value:.3e} {} for the {}, but values up to {GREATEST:e} are read; correct \
+                     the value, or its unit",
                     quantity.si(),
                     quantity.name()
                 ));
@@ -179,8 +181,8 @@ impl<'a> Rows<'a> {
         if let Some(pair) = time.windows(2).find(|pair| pair[1] - pair[0] > GAP * usual) {
             let (from, to) = (pair[0] + self.since, pair[1] + self.since);
             return self.unfit(format!(
-                "has a gap from {from} to {to} s, where its {}s are {usual:.3e} s apart; fill it in, cut it out, or bring \
-                 the values to even steps",
+                "has a gap from {from} to {to} s, where its {}s are {usual:.3e} s apart; fill in the gap, cut it out, or \
+                 resample the values at even steps",
                 self.row
             ));
         }
@@ -211,16 +213,16 @@ fn doubts(quantity: Quantity, values: &[f64], quiet: usize) -> Vec<String> {
     let mut remarks = Vec::new();
     if let Some((rows, value)) = cut_off(values) {
         remarks.push(format!(
-            "the {name} stays at {value:.4} {si} for {rows} rows and leaves it steeply: it was cut off there, and energies from \
-             it are too low; record it again with a wider range"
+            "the {name} stays at {value:.4} {si} for {rows} rows and leaves that value steeply: it was cut off there, so \
+             energies from it are too low; record it again with a wider range"
         ));
     }
     let greatest = values.iter().fold(0.0, |most, value| f64::max(most, value.abs()));
     let noise = noise(values, quiet);
     if noise > NOISE_MOST * greatest {
         remarks.push(format!(
-            "the {name} has noise of {noise:.3} {si} rms, {:.1} % of its highest, and its zero is the mean of {quiet} rows, so \
-             known to some {:.3} {si} only: energies from it are doubtful; filter it, or average several records",
+            "the {name} has noise of {noise:.3} {si} rms, {:.1} % of its highest value, and its zero, the mean of {quiet} rows, \
+             is known only to about {:.3} {si}: energies from it are doubtful; filter it, or average several records",
             100.0 * noise / greatest,
             noise / (quiet as f64).sqrt()
         ));
@@ -235,7 +237,7 @@ fn remarks(quantity: Quantity, trace: &Trace, offset: f64) -> Vec<String> {
     let greatest = trace.greatest();
     let mut remarks = Vec::new();
     if greatest == 0.0 {
-        return vec![format!("the {name} is {offset} {si} all the time")];
+        return vec![format!("the {name} is {offset} {si} throughout")];
     }
     if offset.abs() > 0.01 * greatest {
         remarks.push(format!(
@@ -244,21 +246,21 @@ fn remarks(quantity: Quantity, trace: &Trace, offset: f64) -> Vec<String> {
     }
     if quantity == Quantity::Force && highest < 0.5 * greatest {
         remarks.push(
-            "the force is mostly below zero, and compression counts as positive; -1N as its unit turns it over"
+            "the force is mostly below zero, but compression counts as positive; to invert it, give -1N as its unit"
                 .to_owned(),
         );
     }
     let last = trace.last();
     if last.abs() > 0.05 * greatest {
         remarks.push(format!(
-            "the {name} ends at {last:.4} {si}, {:.0} % of its highest, and not at rest",
+            "the {name} ends at {last:.4} {si}, {:.0} % of its highest value, and not at rest",
             100.0 * last.abs() / greatest
         ));
     }
     // The formula for the error of the cubic at the top is from the test in trace.rs.
     if let Some(wide) = trace.rows_wide().filter(|wide| *wide < 6.0) {
         remarks.push(format!(
-            "the {name}'s pulse is only {wide:.1} rows wide at half its height, so its top is known to some {:.1} % at best; \
+            "the {name}'s pulse is only {wide:.1} rows wide at half its height, so its top is known to about {:.1} % at best; \
              sample faster",
             100.0 * (1.9 / wide).powi(4).min(0.5)
         ));
@@ -305,11 +307,11 @@ impl StrikeFilter {
             }
             (true, Some(wanted)) if rows.count == 0 => {
                 return rows.unfit(format!(
-                    "has {found} strikes, and none has the id {wanted}; --read strike=N chooses"
+                    "has {found} strikes, and none has the id {wanted}; choose one with --read strike=N"
                 ));
             }
             (true, None) if found > 1 => rows.remarks.push(format!(
-                "it has {found} strikes, and that of id 0 is taken; --read strike=N chooses"
+                "it has {found} strikes, and the one with id 0 is taken; choose another with --read strike=N"
             )),
             _ => {}
         }

@@ -63,8 +63,8 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
         return Err(WaveformError::unfit(
             path,
             format!(
-                "rows such as `{}` are one number with a decimal comma, or two; write decimal points, or a name above each \
-                 column",
+                "rows such as `{}` may be one number with a decimal comma, or two numbers; write decimal points, or a name \
+                 above each column",
                 beginning(row, 40)
             ),
         ));
@@ -132,7 +132,7 @@ impl TextLines<'_> {
         }
         if bytes.len() as u64 == LONGEST || bytes.contains(&0) {
             return unfit(
-                "is none of the forms that are read: text (CSV), WAV, Parquet, .npy, MATLAB, a recording",
+                "has none of the formats that are read: text (CSV), WAV, Parquet, .npy, MATLAB, a recording",
             );
         }
         while bytes.last().is_some_and(|last| matches!(last, b'\n' | b'\r')) {
@@ -441,8 +441,7 @@ mod tests {
         for head in ["", "force_n\n"] {
             let text = table(head, &|_, v| format!("{v:.1}\n").replace('.', ","));
             let why = waveform(&text, &untimed("1:2N")).unwrap_err();
-            let wanted =
-                "rows such as `0,0` are one number with a decimal comma, or two; write decimal points";
+            let wanted = "rows such as `0,0` may be one number with a decimal comma, or two numbers; write decimal points";
             assert!(why.contains(wanted), "{why}");
             // Whole numbers have no comma there.
             let short = text.replace("1,0\n", "1\n");
@@ -484,9 +483,9 @@ mod tests {
             ("p,q\n1,2\n".to_owned(), "no column of force"),
             ("time_s,force_n\n1,2\n2,3\n".to_owned(), "has 2 lines of numbers"),
             ("nothing\nat all\n".to_owned(), "no rows of numbers"),
-            ("a\0b\n".to_owned(), "none of the forms"),
+            ("a\0b\n".to_owned(), "none of the formats"),
             (String::new(), "is empty"),
-            ("x".repeat(100_000), "none of the forms"),
+            ("x".repeat(100_000), "none of the formats"),
         ] {
             let error = waveform(text, &Choice::default()).unwrap_err();
             assert!(error.contains(refusal), "{error}");

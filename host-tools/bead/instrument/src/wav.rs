@@ -18,9 +18,9 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
         _ if error.raw_os_error().is_some() => WaveformError::unread(path)(error),
         ErrorKind::UnexpectedEof => unfit("is a damaged WAV file: it ends before its samples; save it again"),
         ErrorKind::Unsupported => unfit(
-            "is a WAV file of a kind that is not read; save it as PCM of 8 to 32 bits, or as float of 32",
+            "is a WAV file of a kind that is not read; save it as PCM of 8 to 32 bits, or as 32-bit float",
         ),
-        _ => WaveformError::unfit(path, format!("is a damaged WAV file: {error}")),
+        _ => WaveformError::unfit(path, format!("is a damaged WAV file: {error}; save it again")),
     };
     let mut samples = WavSamples::open(path).map_err(unread)?;
     let form = samples.form();
@@ -30,14 +30,14 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
     }
     if choice.strike.is_some() {
         return Err(unfit(
-            "is a WAV file, whose strikes have no numbers; leave --read strike out",
+            "is a WAV file, whose strikes are not numbered; leave --read strike out",
         ));
     }
     if choice.force.is_none() && choice.acceleration.is_none() {
         return Err(WaveformError::unfit(
             path,
             format!(
-                "is a WAV file, which has no units; say for a channel (it has {channels}) what full scale is: {}1:500N or \
+                "is a WAV file, which has no units; give the full scale of a channel (it has {channels}): {}1:500N or \
                  {}1:5000m/s2",
                 option(Quantity::Force),
                 option(Quantity::Acceleration)
@@ -173,7 +173,7 @@ mod tests {
         for (chunks, message) in [
             (vec![form, (b"data", 402, &samples)], "damaged WAV file: it ends"),
             (vec![form], "ends before its samples; save it again"),
-            (vec![data, form], "its samples come before their form"),
+            (vec![data, form], "its samples come before their format"),
         ] {
             let why = of_chunks(&chunks, &of("1:500N")).unwrap_err();
             assert!(why.contains(message), "{why}");
@@ -205,7 +205,10 @@ mod tests {
         let chunks = [chunk(b"fmt ", &form), chunk(b"data", &samples)];
         let none = Choice::default();
         for (choice, part) in [
-            (none, "(it has 1) what full scale is: --read force=1:500N"),
+            (
+                none,
+                "the full scale of a channel (it has 1): --read force=1:500N",
+            ),
             (of("3:500N"), "no such column of numbers; there are 1"),
             (of("1"), "column 1 has no unit"),
         ] {

@@ -186,7 +186,7 @@ impl Limit {
         let there: Vec<String> = beads.keys().map(u8::to_string).collect();
         let missing = missing.map(|address| {
             let why = format!(
-                "bead {address} is not in the recording, which has {}; leave it out of `beads`, or record it",
+                "bead {address} is not in the recording (beads there: {}); leave it out of `beads`, or record it",
                 there.join(", ")
             );
             self.result(Some(*address), vec![JudgedValue::absent(None, why)], Vec::new())
@@ -218,10 +218,17 @@ impl Limit {
         let values: Vec<f64> = known.map(|found: Measured| found.value).collect();
         match StrikeDrift::of(&values) {
             Some(drift) => JudgedValue::decided(None, drift.part, Some(drift.expanded), self),
+            None if values.len() >= STRIKES_LEAST => {
+                let why = format!(
+                    "the mean of {} is 0, so its drift has no relative size",
+                    of.name()
+                );
+                JudgedValue::absent(None, why)
+            }
             None => JudgedValue::absent(
                 None,
                 format!(
-                    "a drift takes {STRIKES_LEAST} strikes at least, and {} of them have {}; strike more often",
+                    "a drift needs at least {STRIKES_LEAST} strikes, and {} of those recorded have {}; record more",
                     values.len(),
                     of.name()
                 ),

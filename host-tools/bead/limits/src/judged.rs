@@ -105,10 +105,10 @@ pub(crate) fn too_few(address: u8, found: usize, wanted: usize) -> JudgedLimit {
 }
 
 /// Why a value without an uncertainty is not decided under a guarded rule, and what next.
-const NO_UNCERTAINTY: &str = "its uncertainty is unknown, and the rule needs it; state that of the calibration in the bead's \
-     settings, or give --uncertainty, or take the rule \"simple\"";
-const NONE_OF_RINGING: &str =
-    "the bead sends no uncertainty of it, and the rule needs one; give this limit rule = \"simple\"";
+const NO_UNCERTAINTY: &str = "its uncertainty is unknown, and the rule needs it; state the uncertainty of the calibration \
+     in the bead's settings, or give --uncertainty, or use rule = \"simple\"";
+const NONE_OF_RINGING: &str = "the bead sends no uncertainty of this frequency, and the rule needs one; give this limit \
+     rule = \"simple\"";
 const NONE_ABOVE: &str = "no calibration states how flat a sensor is above 5 kHz, and the rule needs its uncertainty; end the \
      mask there, or give this limit rule = \"simple\"";
 

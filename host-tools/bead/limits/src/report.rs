@@ -29,11 +29,11 @@ pub fn report(limits: &Limits, recordings: &[JudgedRecording], facts: Vec<Fact>)
         .map(|rule| Passage::Line(format!("Rule: {rule}.")));
     sections.push(
         Chapter::new("Decision rule").with(rules).text(
-            "U is the expanded uncertainty, 95 %: twice the standard uncertainty, and of a drift Student's t times that of the \
-             line. Each limit is held against every strike, and the worst is shown.",
+            "U is the expanded uncertainty (95 %): twice the standard uncertainty, or for a drift Student's t times the \
+             standard error of the line. Every strike is compared with each limit, and the worst is shown.",
         ),
     );
-    sections.push(Chapter::facts("How it came about", facts));
+    sections.push(Chapter::facts("How it was made", facts));
     let title = if limits.title.is_empty() {
         "Limits"
     } else {

@@ -71,12 +71,12 @@ pub fn shares(beads: &[(u8, Vec<FeltStrike>)]) -> Vec<(u32, Result<Measured, Str
     };
     let share = |strike: &FeltStrike| {
         if others.is_empty() {
-            return Err("the recording has one bead, and a row has two or more; record them together: --port for each".to_owned());
+            return Err("the recording has one bead, and a row has two or more; record them together, with a --port for each".to_owned());
         }
         let Some(came) = strike.incident else {
             return Err(
-                "the energy that came to the first bead is not known, as its force was railed, its samples are missing, or a \
-                 load presses the chain; mend that, and strike again"
+                "the energy that came to the first bead is unknown: its force left the sensor's range, samples are missing, or \
+                 the chain is under a load; fix that, and strike again"
                     .to_owned(),
             );
         };

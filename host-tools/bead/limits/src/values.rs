@@ -69,9 +69,7 @@ impl StrikeValues {
                 value: a / b,
                 u: u_difference.map(|u| u / b),
             }),
-            Scalar::Ratio => {
-                Err("estimate B is not above 0, so A over B is not known; look at the force sensor")
-            }
+            Scalar::Ratio => Err("estimate B is not above 0, so A over B is unknown; check the force sensor"),
             Scalar::PeakForce => Ok(Measured {
                 value: said.peak_force.newtons(),
                 u: forces.map(|of| of[0]),
@@ -86,10 +84,12 @@ impl StrikeValues {
                 value: said.incident_energy.joules(),
                 u: forces.map(|of| of[1]),
             }),
-            Scalar::Incident => Err("the bead found no wave that came; look at the force sensor"),
+            Scalar::Incident => Err("the bead found no incoming wave; check the force sensor"),
             Scalar::RingFrequency => match frequency {
                 Some(value) if value > 0.0 => Ok(Measured { value, u: None }),
-                Some(_) => Err("the ringing was too weak or too short to tell its frequency; strike harder"),
+                Some(_) => {
+                    Err("the ringing was too weak or too short to measure its frequency; strike harder")
+                }
                 None => Err("its shape frame was not received; fetch the strike again with `bead fetch`"),
             },
         };

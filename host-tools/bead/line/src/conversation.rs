@@ -101,7 +101,7 @@ impl Answer {
     pub fn last<T>(&self, what: &str, wanted: impl Fn(&Frame) -> Option<T>) -> Result<T, LineError> {
         self.frames.iter().rev().find_map(wanted).ok_or_else(|| {
             let next = if self.collided {
-                "ask again, and if several beads share the line, one of them: --address N"
+                "ask again; if several beads share the line, name one of them with --address N"
             } else {
                 "ask again"
             };
@@ -321,7 +321,8 @@ impl Conversation {
     fn is_alone(&self) -> Result<(), LineError> {
         match self.evidence.several().filter(|_| self.asked == ANY) {
             Some(beads) => Err(LineError::Several(format!(
-                "beads at the addresses {beads} are at {}, and this is for one of them: name it, by --address N",
+                "beads at the addresses {beads} are at {}, and this request is for one bead: name it with \
+                 --address N",
                 self.line
             ))),
             None => Ok(()),
@@ -410,7 +411,7 @@ impl Conversation {
         let boot = self.await_boot()?;
         boot.ok_or_else(|| {
             LineError::Failed(format!(
-                "the bead{} at {} said that it would reset, and did not come back within 10 s; is it powered?",
+                "the bead{} at {} announced its reset, but did not come back within 10 s; is it powered?",
                 self.addressed(),
                 self.line
             ))

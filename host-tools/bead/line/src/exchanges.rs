@@ -49,7 +49,8 @@ impl Conversation {
             }
         }
         Err(LineError::Failed(format!(
-            "the bead tested itself {TESTS} times, and each time a part of what it found was lost on the way; ask again"
+            "the bead tested itself {TESTS} times, and each time a part of its results was lost on the way; \
+             ask again"
         )))
     }
 
@@ -92,7 +93,7 @@ impl Conversation {
             counted = self.listen(duration + Duration::from_secs(3), take)?;
         }
         let Some((sent, dropped)) = counted else {
-            let why = "the bead began its raw stream and did not say that it ended; ask again";
+            let why = "the bead began its raw stream but did not report its end; ask again";
             return Err(LineError::Failed(why.to_owned()));
         };
         Ok(RawStream {
@@ -127,7 +128,8 @@ impl Conversation {
             return Ok(kept.collect());
         }
         Err(LineError::Failed(format!(
-            "the list of what the bead keeps did not come whole in {LISTS} attempts: is the line noisy?"
+            "the list of the strikes that the bead keeps did not arrive whole in {LISTS} attempts: is the line \
+             noisy?"
         )))
     }
 
@@ -145,7 +147,7 @@ impl Conversation {
                 Outcome::Done | Outcome::Busy => {}
                 Outcome::NotKept => {
                     let why = format!(
-                        "strike {strike} of boot {boot} gave way to newer ones meanwhile: list again"
+                        "strike {strike} of boot {boot} has meanwhile been replaced by newer ones: list again"
                     );
                     return Err(LineError::Refused(why));
                 }
@@ -166,7 +168,7 @@ impl Conversation {
             }
         }
         Err(LineError::Failed(format!(
-            "strike {strike} of boot {boot} did not come whole in {ATTEMPTS} attempts: is the line noisy?"
+            "strike {strike} of boot {boot} did not arrive whole in {ATTEMPTS} attempts: is the line noisy?"
         )))
     }
 }

@@ -33,7 +33,8 @@ pub fn read(path: &Path) -> Result<Key, KeyError> {
     parse(text.trim()).ok_or_else(|| {
         let digits = 2 * KEY;
         KeyError(format!(
-            "{shown} is no key: give a file of {digits} hexadecimal digits, as `bead settings key --new` writes it"
+            "{shown} is not a key: give a file of {digits} hexadecimal digits, as `bead settings key --new` \
+             writes it"
         ))
     })
 }
@@ -51,20 +52,20 @@ fn parse(digits: &str) -> Option<Key> {
 pub fn create(path: &Path) -> Result<Key, KeyError> {
     let unwritten = |source: io::Error| {
         let advice = match source.kind() {
-            io::ErrorKind::AlreadyExists => "a key takes no other file's place: give another name",
-            io::ErrorKind::NotFound => "make its folder first, or give a name in one that is there",
+            io::ErrorKind::AlreadyExists => "a new key replaces no other file: give another name",
+            io::ErrorKind::NotFound => "make its folder first, or give a name in an existing folder",
             io::ErrorKind::PermissionDenied => "give a name in a folder that you may write to",
             io::ErrorKind::StorageFull => "make room on the disk, or give a name on another",
             _ => "give another name",
         };
         let shown = path.display();
-        KeyError(format!("cannot keep a new key in {shown}: {source}; {advice}"))
+        KeyError(format!("cannot write a new key to {shown}: {source}; {advice}"))
     };
     let mut bytes = [0; KEY];
     rand::rngs::SysRng
         .try_fill_bytes(&mut bytes)
         .map_err(|error| unwritten(io::Error::other(error)))?;
-    let key = Key::new(bytes).ok_or_else(|| unwritten(io::Error::other("the system gave zeros")))?;
+    let key = Key::new(bytes).ok_or_else(|| unwritten(io::Error::other("the random bytes are all zero")))?;
     let digits: String = key.bytes().iter().map(|byte| format!("{byte:02x}")).collect();
     let mut options = OpenOptions::new();
     let mut file = options
@@ -94,9 +95,9 @@ mod tests {
         assert_eq!(fs::metadata(&path).unwrap().permissions().mode() & 0o777, 0o600);
         assert_ne!(create(&folder.path().join("other.key")).unwrap(), key);
         let refused = |path: &Path| create(path).unwrap_err().to_string();
-        assert!(refused(&path).contains("takes no other file's place"));
+        assert!(refused(&path).contains("replaces no other file"));
         assert_eq!(read(&path).unwrap(), key, "it is still there");
-        assert!(refused(&folder.path().join("no/bead.key")).ends_with("in one that is there"));
+        assert!(refused(&folder.path().join("no/bead.key")).ends_with("in an existing folder"));
     }
 
     #[test]
@@ -107,7 +108,7 @@ mod tests {
         for (text, count) in cases.into_iter().chain([(" ", 1000)]) {
             fs::write(&path, text.repeat(count)).unwrap();
             let message = read(&path).unwrap_err().to_string();
-            let wanted = "some.key is no key: give a file of 32";
+            let wanted = "some.key is not a key: give a file of 32";
             assert!(message.contains(wanted), "{text}: {message}");
         }
         fs::write(&path, format!("  {}\n", "aF".repeat(16))).unwrap();

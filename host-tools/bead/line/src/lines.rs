@@ -61,8 +61,8 @@ impl fmt::Display for RecordedPort {
             }
             (Some(bead), None) => write!(
                 f,
-                "{address} was not recorded: its bead has the address {bead}, as another; give it another: bead settings \
-                 set address=N"
+                "{address} was not recorded: its bead has the address {bead}, as another bead does; give it a \
+                 different one: bead settings set address=N"
             ),
             (None, _) => write!(
                 f,
@@ -85,7 +85,7 @@ impl fmt::Display for Recorded {
         )?;
         match (self.fetched, self.gone) {
             (0, 0) => Ok(()),
-            (fetched, gone) => write!(f, "; {fetched} strikes fetched, {gone} not to be had"),
+            (fetched, gone) => write!(f, "; {fetched} strikes fetched, {gone} could not be fetched"),
         }
     }
 }

@@ -128,7 +128,7 @@ pub fn open_all(
     let one = addresses.len() == 1;
     let none = match addresses.len() {
         0 => "this computer has no serial port: plug the adapters in, or name a port",
-        _ => "none of the ports opens",
+        _ => "none of the ports could be opened",
     };
     let mut open = Vec::new();
     for address in addresses {
@@ -199,16 +199,16 @@ fn open_serial(path: &str, baud: u32, parity: Parity) -> Result<serialport::TTYP
             ),
             // serialport gives this error for a locked port.
             ErrorKind::NoDevice => format!(
-                "{path} is in use by another program, which `fuser -v {path}` names; end that one; {}",
+                "{path} is in use by another program, which `fuser -v {path}` names; end that program; {}",
                 advice()
             ),
-            _ => format!("{path} is no serial port that works ({error}); {}", advice()),
+            _ => format!("{path} is not a working serial port ({error}); {}", advice()),
         })
     })?;
     match port.baud_rate() {
         Ok(actual) if !is_near(baud, actual) => Err(PortError(format!(
-            "{path} runs at {actual} baud where {baud} were asked for: its adapter cannot; take one that can, or give \
-             the --baud that the bead sends at"
+            "{path} runs at {actual} baud instead of the requested {baud}: its adapter does not support that \
+             rate; use one that does, or give --baud the rate at which the bead sends"
         ))),
         _ => Ok(port),
     }

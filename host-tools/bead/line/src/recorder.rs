@@ -117,7 +117,7 @@ pub struct Recorded {
 
 /// A recording that failed.
 #[derive(Debug, thiserror::Error)]
-#[error("{source}; what came before is kept in {}, for `bead recover`", partial.display())]
+#[error("{source}; the recording up to then is kept in {}, for `bead recover`", partial.display())]
 pub struct RecorderError {
     source: RecordingError,
     partial: PathBuf,
@@ -403,7 +403,7 @@ impl<'a> Recorder<'a> {
             Err(error @ RecordingError::SameAddress(_)) => {
                 from.is_refused = true;
                 (self.note)(format!(
-                    "{}: {error}; it is not recorded, the others are",
+                    "{}: {error}; this port is not recorded, but the others are",
                     from.address
                 ));
                 return Ok(());

@@ -59,14 +59,15 @@ pub enum RomError {
     Port(#[from] PortError),
     /// Nothing answers the first byte.
     #[error(
-        "no loader answers at {0}: put BOOT0 to 3.3 V, reset the board, and try again at once; the loader listens on \
-         PA9 and PA10 and on PB10 and PB11, and the first of them that is spoken to has it until the next reset"
+        "no loader answers at {0}: connect BOOT0 to 3.3 V, reset the board, and try again at once; the loader \
+         listens on PA9 and PA10 and on PB10 and PB11, and until the next reset it keeps to the pair that \
+         receives first"
     )]
     Silent(Address),
     /// Something else answers.
     #[error(
-        "{0:#04x} came where the loader says 0x79 or 0x1f: the line is disturbed, or the board runs its image; put BOOT0 \
-         to 3.3 V, reset the board, and try again"
+        "received {0:#04x}, but the loader answers 0x79 or 0x1f: the line is disturbed, or the board runs its \
+         image; connect BOOT0 to 3.3 V, reset the board, and try again"
     )]
     Stranger(u8),
     /// The loader refuses a command at its first bytes. It does so with all commands that touch the flash of
@@ -83,8 +84,8 @@ pub enum RomError {
     Refused(String, u32),
     /// The loader has answered before, and now is silent.
     #[error(
-        "the line was cut, or the loader has stopped, in {0} at {1:#010x}: see to the wires, reset the board with BOOT0 at \
-         3.3 V, and run the same command again"
+        "the line was cut, or the loader has stopped, during {0} at {1:#010x}: check the wires, reset the \
+         board with BOOT0 at 3.3 V, and run the same command again"
     )]
     Cut(String, u32),
     /// The port has gone away.

@@ -74,12 +74,13 @@ impl Evidence {
     pub(super) fn explain(&self, asked: u8, counters: &Counters) -> String {
         let mut said = match (counters.bytes, counters.frames) {
             (0, _) => {
-                return "nothing came at all: is it powered, and its PA9 wired to the adapter's receive pin?"
+                return "nothing came at all: is the bead powered, and is its PA9 wired to the adapter's \
+                        receive pin?"
                     .into();
             }
             (_, 0) => {
                 let several = match asked {
-                    ANY => " If several beads share the line, ask one: --address N",
+                    ANY => " If several beads share the line, ask one of them with --address N",
                     _ => "",
                 };
                 return format!("bytes came, but no frame among them: does --baud match?{several}");
@@ -90,7 +91,8 @@ impl Evidence {
         match asked {
             ANY if self.beads.len() > 1 => {
                 return format!(
-                    "{said}, from the beads at the addresses {beads}, whose replies collide: ask one of them, by --address N"
+                    "{said}, from the beads at the addresses {beads}, whose replies collide: ask one of them \
+                     with --address N"
                 );
             }
             ANY => {}
@@ -98,7 +100,8 @@ impl Evidence {
             _ if self.beads.is_empty() => {}
             _ => {
                 return format!(
-                    "{said}, none of them from it, but from address {beads}: correct --address, or is that bead powered?"
+                    "{said} from address {beads}, none from this bead: correct --address, or check that this \
+                     bead is powered"
                 );
             }
         }

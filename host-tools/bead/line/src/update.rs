@@ -102,14 +102,14 @@ impl Conversation {
                 Outcome::Done if waits => return Ok(()),
                 Outcome::Done => drop(self.await_boot()?),
                 Outcome::Kind => {
-                    let why = "the firmware of this bead takes no image over its line; flash it by --probe once, or \
-                               by --rom";
+                    let why = "the firmware of this bead takes no image over its line; flash it once with \
+                               --probe or --rom";
                     return Err(LineError::Refused(why.to_owned()));
                 }
                 _ => return Err(answer.refusal()),
             }
         }
-        let why = "the bead resets, and does not wait for an image then; is its supply good?";
+        let why = "the bead resets but then does not wait for an image; is its supply good?";
         Err(LineError::Failed(why.to_owned()))
     }
 
@@ -181,8 +181,8 @@ impl Conversation {
     fn broken_off(&self, arrived: usize, all: usize) -> LineError {
         let percent = 100 * arrived / all;
         LineError::Failed(format!(
-            "the bead fell silent after {percent} % of the image; what ran before still runs: look at the line, and run \
-             the same command again"
+            "the bead fell silent after {percent} % of the image; the previous image still runs: check the \
+             line, and run the same command again"
         ))
     }
 
@@ -201,8 +201,8 @@ impl Conversation {
                         return Err(error);
                     };
                     return Err(LineError::Failed(format!(
-                        "the whole image arrived, and the bead has not come back within {} s: {why}; switch it off and \
-                         on: it goes on where it was",
+                        "the whole image arrived, but the bead has not come back within {} s: {why}; switch it \
+                         off and on: it continues where it stopped",
                         SWAPS.as_secs()
                     )));
                 }
@@ -211,8 +211,8 @@ impl Conversation {
                 Err(error) => return Err(error),
             }
             if Instant::now() > deadline {
-                let why = "the new image does not end its trial; switch the bead off and on to go back, and look at \
-                           its supply";
+                let why = "the new image does not end its trial; switch the bead off and on to return to the \
+                           previous image, and check its supply";
                 return Err(LineError::Failed(why.to_owned()));
             }
             self.listen(Duration::from_millis(300), |_| None::<()>)?;

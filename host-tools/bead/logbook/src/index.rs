@@ -91,11 +91,12 @@ impl Logbook {
                 Err(_) if !table::is_ours(&path) && !is_damaged(&path) => {
                     may_write = false;
                     remarks.push(format!(
-                        "{} is no table of a folder and stays as it is, so every recording is read; give it another name",
+                        "{} is not a table of recordings and stays as it is, so every recording is read; give that file \
+                         another name",
                         path.display()
                     ));
                 }
-                Err(why) => remarks.push(format!("{} {why}, and is made anew", path.display())),
+                Err(why) => remarks.push(format!("{} {why}; it is made anew", path.display())),
             }
         }
         let gone = known.len();
@@ -181,7 +182,7 @@ fn found(folder: &Path, remarks: &mut Vec<String>) -> io::Result<Vec<FoundFile>>
             Ok(metadata) => metadata,
             Err(error) => {
                 remarks.push(format!(
-                    "{} cannot be read: {error}; it is passed over",
+                    "{} cannot be read: {error}; it is skipped",
                     path.display()
                 ));
                 continue;
@@ -209,7 +210,7 @@ fn found(folder: &Path, remarks: &mut Vec<String>) -> io::Result<Vec<FoundFile>>
     }
     if !others.is_empty() {
         remarks.push(format!(
-            "{}: not looked at, as only names that end with .mcap are recordings: {}",
+            "{}: skipped, as only files with names that end with .mcap are recordings: {}",
             folder.display(),
             first_of(others, NAMED_MOST)
         ));

@@ -60,7 +60,7 @@ pub(crate) fn read(path: &Path) -> Result<Vec<LoggedRecording>, String> {
         let batch = batch.map_err(|error| error.to_string())?;
         for row in batch.into_rows() {
             let cells = Row(row.into_iter());
-            let damaged = || "has a row that was not written so".to_owned();
+            let damaged = || "has a damaged row".to_owned();
             let (mut of_recording, rest) = cells.recording().ok_or_else(damaged)?;
             let is_next = recordings
                 .last()

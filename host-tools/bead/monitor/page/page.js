@@ -179,8 +179,8 @@ function drawRow() {
   }
   pen.fillText("ms", width - 22, height - 8);
   at("base").textContent = `tallest: ${highest.toFixed(3)} N; ` + (isShared
-    ? "all beads on one time, by the edges at their sync inputs"
-    : "each bead from its own trigger: without edges at their sync inputs beads share no time");
+    ? "all beads on one time axis, aligned by the edges at their sync inputs"
+    : "each bead from its own trigger: without edges at their sync inputs, the beads share no time");
 }
 
 function draw() {

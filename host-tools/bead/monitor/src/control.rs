@@ -57,7 +57,7 @@ impl Control {
             }
             _ => {
                 return Err(format!(
-                    "bead {bead} has not sent identity and guard yet; try again in a second"
+                    "bead {bead} has not sent its identity and guard frames yet; try again in a second"
                 ));
             }
         };

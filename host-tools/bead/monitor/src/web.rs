@@ -180,7 +180,7 @@ async fn guard(State(served): State<Served>, request: Request, next: Next) -> Re
     let mut answer = if is_own {
         next.run(request).await
     } else {
-        let advice = "open the page by the address that bead monitor printed\n";
+        let advice = "open the page at the address that `bead monitor` printed\n";
         (StatusCode::FORBIDDEN, advice).into_response()
     };
     for (name, value) in [
@@ -199,7 +199,7 @@ async fn guard(State(served): State<Served>, request: Request, next: Next) -> Re
 async fn live(State(served): State<Served>, headers: HeaderMap, upgrade: WebSocketUpgrade) -> Response {
     // Every browser sends an origin here. Another program reads the recording.
     if !headers.contains_key(header::ORIGIN) {
-        return (StatusCode::FORBIDDEN, "this is for the page\n").into_response();
+        return (StatusCode::FORBIDDEN, "only for the page of `bead monitor`\n").into_response();
     }
     if served.browsers.fetch_add(1, Ordering::Relaxed) >= BROWSERS {
         served.browsers.fetch_sub(1, Ordering::Relaxed);
@@ -252,11 +252,7 @@ async fn tell_news(mut socket: WebSocket, monitor: &SharedMonitor) -> Option<()>
 async fn download(State(served): State<Served>) -> Response {
     let file = served.monitor.lock().file().map(Path::to_owned);
     let Some(file) = file else {
-        return (
-            StatusCode::NOT_FOUND,
-            "there is no recording of this program yet\n",
-        )
-            .into_response();
+        return (StatusCode::NOT_FOUND, "this program has no recording yet\n").into_response();
     };
     let copied = tokio::task::spawn_blocking(move || whole_copy(&file)).await;
     match copied {

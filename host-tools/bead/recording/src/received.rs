@@ -27,10 +27,10 @@ impl Recording {
         let shown = path.display();
         let recording = Self::open(path).map_err(|error| match error {
             RecordingError::NotMcap(_) if Self::salvage(path).is_ok() => RecordingError::Unfit(format!(
-                "{shown} does not begin as a recording does, and its beginning may be damaged; try: bead recover {shown}"
+                "{shown} does not begin like a recording, but its beginning may be damaged; try: bead recover {shown}"
             )),
             RecordingError::NotMcap(_) if raw::frames_in(path) > 0 => RecordingError::Unfit(format!(
-                "{shown} has raw bytes as a bead sent them; make a recording of it: bead recover {shown}"
+                "{shown} has raw bytes as a bead sent them; turn it into a recording: bead recover {shown}"
             )),
             error => error,
         })?;
@@ -79,7 +79,7 @@ impl Recording {
         };
         let value = serde_json::from_slice(bytes).map_err(|why| {
             RecordingError::Unfit(format!(
-                "{}: cannot read its {}; record it again: {}",
+                "{0}: cannot read its {1} ({2}); record it again",
                 self.path.display(),
                 part.name(),
                 // The error repeats the wrong text, which may have megabytes.

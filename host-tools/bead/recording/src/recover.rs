@@ -74,9 +74,12 @@ pub fn recover(recording: &Recording, target: &Target) -> Result<Recovered, Reco
         State::Whole => (WHOLE.to_owned(), "nothing is wrong with it".to_owned()),
         State::CutShort { runs_whole } => {
             let (how, found) = if *runs_whole {
-                (CUT_IN_INDEX, "it is cut in its index, behind the last frame")
+                (CUT_IN_INDEX, "only its index is cut short, after the last frame")
             } else {
-                ("cut short", "it is cut short: what was received last is missing")
+                (
+                    "cut short",
+                    "it is cut short: the last bytes received are missing",
+                )
             };
             (how.to_owned(), found.to_owned())
         }
@@ -136,7 +139,7 @@ pub fn recover_raw(file: &Path, target: &Target) -> Result<Recovered, RecordingE
         writer.fill(|writer| raw::read(file, |bytes| writer.write(bytes, None, |item| open.push(item))))?;
     Ok(Recovered {
         finished,
-        found: "it has raw bytes, without times of receipt".to_owned(),
+        found: "it has raw bytes, without the times at which they were received".to_owned(),
         runs_missing: 0,
         strikes_without_result: open.count(),
     })

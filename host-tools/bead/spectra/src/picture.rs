@@ -83,7 +83,7 @@ fn transfer(unit: &str, points: &[TransferPoint], note: String) -> Vec<Panel> {
     let line = |value| vec![Series::new("", Ink::Measured, Mark::Line, over(value))];
     let mut panels = vec![
         Panel::new(
-            format!("acceleration of force ({unit})"),
+            format!("acceleration over force ({unit})"),
             line(|point| point.magnitude),
         )
         .log()

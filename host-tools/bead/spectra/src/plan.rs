@@ -139,7 +139,7 @@ impl Plan {
         };
         if frequencies.is_empty() {
             return Err(format!(
-                "there is no frequency of its spectrum from {from:.1} to {to:.1} Hz"
+                "its spectrum has no frequency from {from:.1} to {to:.1} Hz"
             ));
         }
         Ok(Self {
@@ -197,14 +197,14 @@ impl Plan {
         if let Kind::Density { of, segment, .. } = self.wanted.kind {
             let density = transform.density(signal(of), rate).ok_or_else(|| {
                 format!(
-                    "its window has {window} samples, and a segment takes {segment}; give a shorter --segment"
+                    "its window has {window} samples, and a segment needs {segment}; give a shorter --segment"
                 )
             })?;
             return Ok(StrikeSpectrum::Density(density[*first..last].to_vec()));
         }
         if window != transform.length() {
             return Err(format!(
-                "its window has {window} samples, and that of the bead's first strike {}",
+                "its window has {window} samples, and that of the bead's first strike has {}",
                 transform.length()
             ));
         }

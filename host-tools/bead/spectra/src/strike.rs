@@ -115,7 +115,7 @@ impl StrikeSignal {
         };
         let Some(signal) = Signal::of(&strike.scans, settings) else {
             return Err(format!(
-                "its window has {} samples, and the zero takes {BASELINE}",
+                "its window has {} samples, and its zero needs {BASELINE}",
                 strike.scans.len()
             ));
         };

@@ -88,7 +88,7 @@ impl StrikeChoice {
         if let Some(bead) = self.bead.filter(|bead| !addresses.contains(bead)) {
             bail!(
                 Input,
-                "--bead {bead}: no strike is of it; the beads are {addresses:?}"
+                "--bead {bead}: no strike is from this bead; those with strikes are {addresses:?}"
             );
         }
         let of_chosen = beads.iter().filter(|bead| self.has(bead.address));
@@ -98,7 +98,7 @@ impl StrikeChoice {
             return Ok(());
         }
         let line = format!(
-            "--strike {} is not there: {}, counted from 0",
+            "--strike {} does not exist: a bead has at most {}, counted from 0",
             first_of(missing.iter(), NAMED),
             count(most as u64, "strike")
         );

@@ -18,13 +18,13 @@ pub(crate) struct FolderOptions {
     /// Folders with recordings.
     #[arg(value_name = "FOLDER", default_value = ".")]
     folders: Vec<PathBuf>,
-    /// Only recordings with this note: KEY, or KEY=TEXT, in which * stands for any letters; repeat for more.
+    /// Only recordings with this note: KEY, or KEY=TEXT, where * matches any text; repeat for more.
     #[arg(long, value_name = "KEY=TEXT")]
     note: Vec<NotePattern>,
     /// Only recordings of this day and later ones, UTC: 2026-11-28, or a time such as 2026-11-28T09:30.
     #[arg(long, value_name = "DATE", value_parser = since)]
     since: Option<i64>,
-    /// Only recordings up to this day, UTC, with it, or before this time.
+    /// Only recordings up to and including this day, UTC, or before this time.
     #[arg(long, value_name = "DATE", value_parser = before)]
     until: Option<i64>,
     /// Only recordings of beads with these addresses: 7, 7-16 or 7,9,12.
@@ -33,8 +33,8 @@ pub(crate) struct FolderOptions {
     /// Only recordings with a strike that has this flag, such as wave_train; repeat for more.
     #[arg(long, value_name = "FLAG", value_parser = flag)]
     flag: Vec<String>,
-    /// Only recordings whose last verdict, as `bead judge --note` noted it, is pass, fail or undecided; none
-    /// for those without.
+    /// Only recordings whose last verdict, as noted by `bead judge --note`, is pass, fail or undecided;
+    /// `none` selects recordings without a verdict.
     #[arg(long, value_name = "VERDICT", value_parser = ["pass", "fail", "undecided", "none"])]
     verdict: Option<String>,
     /// Read every recording, and neither read nor write the folder's table.
@@ -44,7 +44,7 @@ pub(crate) struct FolderOptions {
 
 fn since(text: &str) -> Result<i64, String> {
     date::parse(text)
-        .ok_or_else(|| "give a date, such as 2026-11-28, or a time of UTC: 2026-11-28T09:30".to_owned())
+        .ok_or_else(|| "give a date, such as 2026-11-28, or a time in UTC: 2026-11-28T09:30".to_owned())
 }
 
 fn before(text: &str) -> Result<i64, String> {
@@ -64,7 +64,7 @@ fn flag(text: &str) -> Result<String, String> {
         return Ok(text.to_owned());
     }
     Err(format!(
-        "no strike has this flag; those that there are: {}",
+        "there is no such flag; the flags are {}",
         known.join(", ")
     ))
 }

@@ -28,8 +28,8 @@ pub(crate) struct LineOptions {
     /// Time-out of a reply, s. A request is sent three times.
     #[arg(long, value_name = "SECONDS", default_value = "1", value_parser = bead_console::output::seconds_of_a_day)]
     timeout: Duration,
-    /// Sign what changes the bead's state with the key in this file. A bead that was given a key refuses it
-    /// otherwise.
+    /// Sign requests that change the bead's state with the key in this file. A bead that has a key refuses
+    /// unsigned ones.
     #[arg(long, value_name = "F.key")]
     key: Option<PathBuf>,
 }

@@ -23,8 +23,8 @@ use commands::{
 use hertz_commands::{optimise, optimise_search, periodic, simulate, sweep};
 
 const AFTER_HELP: &str = "\
-Exit status: 0 done, 1 a check said no, 2 usage or input error, 3 device or emulator failure. Results go to \
-standard output, everything else to standard error.
+Exit status: 0 done, 1 a check failed or a bead refused, 2 usage or input error, 3 device or emulator failure. \
+Results go to standard output, everything else to standard error.
 
 Examples:
   bead simulate docs/scenarios/paper-strike.toml
@@ -77,9 +77,9 @@ enum Command {
     Trend(trend::Arguments),
     /// List the strikes that a bead keeps, or fetch them to a recording.
     Fetch(fetch::Arguments),
-    /// Put the image into a bead: through a debug probe, or over the line with the part's own loader.
+    /// Put an image into a bead: over its own line, by a debug probe, or with the loader in the part's ROM.
     Flash(flash::Arguments),
-    /// Make a recording that is cut or damaged whole, as far as it goes.
+    /// Repair a recording that is cut or damaged, as far as possible.
     Recover(recover::Arguments),
     /// Send a bead a request: status, identity, self-test, arm, raw samples, reboot.
     #[command(name = "command")]
@@ -90,27 +90,27 @@ enum Command {
     Settings(settings::Arguments),
     /// Print the frames of a recording or of raw bytes, one JSON object a line.
     Decode(decode::Arguments),
-    /// Run the recorded samples through the bead's code: every result bit for bit.
+    /// Run the recorded samples through the bead's code, and check every result bit for bit.
     Replay(replay::Arguments),
     /// Compare a recording with the simulation: device, replay, f64 from the same samples, full chain.
     Compare(compare::Arguments),
-    /// Print the uncertainty budget of a strike: what each input adds to that of A, B and A − B.
+    /// Print the uncertainty budget of a strike: what each input adds to the uncertainty of A, B and A − B.
     Budget(budget::Arguments),
     /// Calibrate a bead: drop test, reference, front mass, ring-down, shaker; with budget and certificate.
     Calibrate(calibrate::Arguments),
-    /// Spectra of strikes: shock response, power density, Fourier, transfer from force to acceleration.
+    /// Compute strikes' spectra: shock response, power density, Fourier, transfer from force to acceleration.
     Analyse(analyse::Arguments),
     /// Find k, c, gains and contacts of a bead from its strikes, with their uncertainties.
     Identify(identify::Arguments),
-    /// Hold strikes against limits of your own: pass or fail by a rule that uses the uncertainty.
+    /// Judge strikes by your own limits: pass or fail, by a rule that uses the uncertainty.
     Judge(Box<judge::Arguments>),
     /// Write strikes and samples as tables in SI units: Parquet, CSV, or UFF.
     Export(export::Arguments),
-    /// Find how the clocks of recorded beads run: against this host, and against one another.
+    /// Measure the drift of recorded beads' clocks against this host, and against one another.
     Clock(clock::Arguments),
-    /// Find the intruders that leave least energy in the chain.
+    /// Find the intruders that leave the least energy in the chain.
     Optimise(optimise_search::Arguments),
-    /// Find motions of a driven chain that repeat, their stability, and where they meet and vanish.
+    /// Find periodic motions of a driven chain, their stability, and where they meet and vanish.
     Periodic(periodic::Arguments),
     /// Run a scenario over axes of its parameters, into one table.
     Sweep(Box<sweep::Arguments>),
@@ -118,7 +118,7 @@ enum Command {
     Proof(proof::Arguments),
     /// Draw the paper's figures, with their data and their checks.
     Figures(figures::Arguments),
-    /// Print what a shell needs to complete commands and options: bash, zsh, fish.
+    /// Print the script that lets a shell complete commands and options: bash, zsh, fish.
     Completions(manual::Completions),
     /// Write the manual pages of all commands.
     Man(manual::Manual),

@@ -23,7 +23,7 @@ pub(crate) fn note(text: &str) -> Result<Note, String> {
     let note = Note::parse(text)?;
     if note.key == "date" && !note.value.is_empty() && date::parse(&note.value).is_none() {
         return Err(format!(
-            "{:?} is no date; give UTC as 2026-11-28, 2026-11-28T09:30 or 2026-11-28T10:30+01:00",
+            "{:?} is not a date; give UTC as 2026-11-28, 2026-11-28T09:30 or 2026-11-28T10:30+01:00",
             note.value
         ));
     }

@@ -11,11 +11,12 @@ use bead_instrument::{Choice, Waveform};
 /// Option that says what is in a file with a waveform.
 #[derive(Debug, Args)]
 pub(crate) struct WaveformOptions {
-    /// Where the waveform's file does not say itself what is in it; repeat for each item. force=COLUMN[:UNIT]
-    /// and acceleration=…: a column by name or number, a channel of a WAV file by number; behind a colon what
-    /// 1 of it is: force=force_n, force=CH1:8.9N, acceleration=3:10g. time=t:ms: the time, in seconds without
-    /// a unit; or rate=HZ: rows a second. strike=N: which strike of a recording, or of a table that `bead
-    /// export` wrote, counted from 0 [default: the columns with such units, the first of time, strike 0].
+    /// Content of the waveform's file, where the file does not state it; repeat for each item.
+    /// force=COLUMN[:UNIT] and acceleration=…: a column by name or number, or a channel of a WAV file by
+    /// number; after a colon, what 1 in it means: force=force_n, force=CH1:8.9N, acceleration=3:10g.
+    /// time=t:ms: the column of time, in seconds without a unit; or rate=HZ: rows a second. strike=N: which
+    /// strike of a recording, or of a table that `bead export` wrote, counted from 0 [default: the columns
+    /// with units of force and acceleration, the first column of time, strike 0].
     #[arg(long, value_name = "ITEM=VALUE", value_parser = item)]
     read: Vec<String>,
 }
@@ -50,7 +51,7 @@ impl WaveformOptions {
         if self.read.is_empty() {
             return Ok(());
         }
-        bail!(Input, "--read is of the file of {file}; give that too")
+        bail!(Input, "--read describes the file of {file}; give {file} too")
     }
 
     pub(crate) fn read(&self, path: &Path, bead: Option<usize>) -> Result<Waveform, Failure> {
@@ -68,7 +69,7 @@ impl WaveformOptions {
         if choice.time.is_some() && choice.rate_hz.is_some() {
             bail!(
                 Input,
-                "--read gives time and rate; the rate takes the place of a column of time"
+                "--read gives both time and rate; leave one out, as the rate replaces a column of time"
             );
         }
         Ok(choice)

@@ -40,11 +40,12 @@ pub enum ReadError {
     #[error("is a device or a pipe; give a file")]
     Device,
     /// It is not Parquet, or damaged.
-    #[error("is no Parquet file, or a damaged one: {0}")]
+    #[error("is not a Parquet file, or is damaged: {0}")]
     Damaged(String),
     /// Its columns are compressed in an unsupported way.
     #[error(
-        "is compressed with {0}, which is not read; write it with zstd: df.write_parquet(path, compression=\"zstd\") in polars"
+        "is compressed with {0}, which is not supported; write it with zstd: \
+         df.write_parquet(path, compression=\"zstd\") in polars"
     )]
     Compressed(String),
 }
@@ -334,7 +335,7 @@ fn values<T: DataType>(
     rows: usize,
     mut cell: impl FnMut(&T::T) -> Result<Cell, ParquetError>,
 ) -> Result<Vec<Cell>, ParquetError> {
-    let ended = || ParquetError::General("a column ends before its rows".to_owned());
+    let ended = || ParquetError::General("a column has too few values".to_owned());
     let (mut values, mut levels) = (Vec::new(), Vec::new());
     let (records, ..) = column.read_records(rows, Some(&mut levels), None, &mut values)?;
     if records != rows {

@@ -143,7 +143,7 @@ impl Target {
             // The hidden name would puzzle the user.
             let reason = error.get_ref().and_then(|reason| reason.source());
             let reason = reason.map_or_else(|| error.to_string(), ToString::to_string);
-            anyhow::anyhow!("is the directory there, and writable?: {reason}")
+            anyhow::anyhow!("the directory must exist and be writable: {reason}")
         })
     }
 

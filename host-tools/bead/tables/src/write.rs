@@ -116,7 +116,9 @@ impl<'a> Parquet<'a> {
                 CellKind::Whole => ("INT64", "", WaitingCells::Whole(Vec::new())),
                 CellKind::Number => ("DOUBLE", "", WaitingCells::Number(Vec::new())),
                 CellKind::Text => ("BYTE_ARRAY", " (UTF8)", WaitingCells::Text(Vec::new())),
-                CellKind::Other => anyhow::bail!("column {} is of a kind that is not written", column.name),
+                CellKind::Other => {
+                    anyhow::bail!("column {} is of a kind that cannot be written", column.name)
+                }
             };
             fields.push_str(&format!("OPTIONAL {kind} {}{end}; ", column.name));
             waiting.push(empty);

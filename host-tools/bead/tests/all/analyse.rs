@@ -75,7 +75,7 @@ fn the_uncertainty_is_that_of_the_settings_and_of_the_scatter_or_unknown() {
     assert!(points(&unknown).iter().all(|point| point["u"].is_null()));
     let printed = folder.done("analyse transfer x.mcap --strike 0");
     assert_says(&printed, "u: unknown");
-    assert_says(&printed, "coherence takes two strikes at least");
+    assert_says(&printed, "coherence needs at least two strikes");
 
     folder.done("settings make --template bead.toml");
     folder.write("bead.toml", folder.text("bead.toml") + STATED);
@@ -133,7 +133,7 @@ fn what_is_left_out_is_named_and_the_others_go_on() {
     let output = folder.run("analyse fft lossy.mcap x.mcap --format json --strike 0,1,2,9");
     let said = said(&output);
     assert_says(&said, "bead 8: 1 strike left out: lossy.mcap, strike 0: ");
-    assert_says(&said, "--strike 9 is not there: 5 strikes, counted from 0");
+    assert_says(&said, "--strike 9 does not exist: a bead has at most 5 strikes");
     let report: Value = serde_json::from_slice(&output.stdout).unwrap();
     let bead = &report["beads"][0];
     assert_eq!(bead["strikes"].as_array().unwrap().len(), 2);

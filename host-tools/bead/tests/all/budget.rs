@@ -77,7 +77,7 @@ fn unknown_uncertainties_and_an_expired_calibration_are_said_in_a_line() {
     assert_says(&said(&unknown), "the settings state no uncertainties");
     let printed = done(unknown);
     assert_says(&printed, "unknown uncertainties: force gain, force gain ratio,");
-    assert_says(&folder.text("budget.html"), "A and B are not judged by it");
+    assert_says(&folder.text("budget.html"), "A and B are not judged");
     // The strike of this recording has no day, so it is judged by today.
     let late = folder.text("stated.toml").replace("2027-01-31", "2026-02-01");
     folder.write("late.toml", late);

@@ -93,7 +93,7 @@ fn a_drop_that_missed_or_grazed_is_named_and_the_others_give_the_gain() {
     let said = said(&output);
     for out in [
         "drop 1: no second landing came within 0.286 s",
-        "drop 3: its impulse is off the others' by -50 %",
+        "drop 3: its impulse differs from the others' by -50 %",
     ] {
         assert_says(&said, &format!("left out: drops.mcap, {out}"));
     }
@@ -142,9 +142,12 @@ fn conformity_takes_the_uncertainty_into_account_and_an_expired_reference_is_ref
         "2 | the certificate K-1 of balance 7 expired on 2026-03-31 | {line} 2026-04-01"
     ));
     folder.done(&format!("{line} 2026-04-01 --doubtful"));
-    assert_says(&folder.text("page.html"), "In spite of this: the certificate K-1");
+    assert_says(
+        &folder.text("page.html"),
+        "Made despite a doubt: the certificate K-1",
+    );
     folder.done(&format!("{line} 2026-03-31 --overwrite"));
-    assert!(!folder.text("page.html").contains("In spite of this"));
+    assert!(!folder.text("page.html").contains("Made despite a doubt"));
 }
 
 #[test]
@@ -218,7 +221,7 @@ fn tones_of_a_live_bead_are_taken_beside_the_reference_that_is_typed() {
     bead.join().unwrap();
     let lines = folder.text("said");
     assert_says(&lines, "type its frequency in Hz and the reference's rms");
-    assert_says(&lines, "have a tone of 160.00 Hz, and 90 Hz was typed");
+    assert_says(&lines, "have a tone of 160.00 Hz, but 90 Hz was typed");
     assert_says(&lines, "type two numbers above 0");
     assert_eq!(folder.text("tones.csv").lines().count(), 4);
     let found = number(&report["results"][0]["value"]);
@@ -226,5 +229,5 @@ fn tones_of_a_live_bead_are_taken_beside_the_reference_that_is_typed() {
     let exact = (35.0 + 35.2 + 34.9) / 3.0 / (700.0 / 2.0_f64.sqrt());
     assert!((found / exact - 1.0).abs() < 1e-4, "{found} {exact}");
     let refused = folder.run("calibrate reference tones.csv --port unix:line.sock --reference-u 0.5%");
-    assert_says(&said(&refused), "tones.csv is there already");
+    assert_says(&said(&refused), "tones.csv already exists");
 }

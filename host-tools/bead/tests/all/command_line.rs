@@ -186,11 +186,11 @@ fn a_recording_that_was_cut_short_is_no_pass_though_the_strikes_in_it_are_whole(
         ("cut.mcap", "incomplete: the recording is cut short"),
         (
             "recovered.mcap",
-            "incomplete: it was recovered from a recording that lacks something: cut short",
+            "incomplete: it was recovered from a recording with missing or damaged data: cut short",
         ),
         (
             "ended.mcap --scenario paper.toml --bead 8",
-            "incomplete: of 1 strike the result never came",
+            "incomplete: the result of 1 strike was not received",
         ),
     ] {
         let compared = folder.run(&format!("compare {line}"));

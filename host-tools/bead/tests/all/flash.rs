@@ -159,7 +159,7 @@ fn one_of_several_probes_is_named_by_its_serial_number() {
     bench.folder.write("part/list", format!("{PROBE}{SECOND}"));
     let both = "there are several debug probes (0483:374b:0670FF34, 1366:0101-0:000801)";
     bench.refused("image", 2, both);
-    let none = "no debug probe has the serial number 7; there are 0483";
+    let none = "no debug probe has the serial number 7; connected: 0483";
     bench.refused("image --serial 7", 2, none);
     for serial in ["000801", "1366:0101-0:000801"] {
         done(bench.run(&format!("image --serial {serial} --under-reset")));
@@ -175,14 +175,14 @@ fn a_part_that_cannot_be_a_bead_or_cannot_be_flashed_is_left_as_it_is() {
     for row in [
         "idcode | 10076421 | 2 | the part is 0x421 (STM32F446, which has no core-coupled memory), not 0x413",
         "optcr | 0fff55ed | 2 | the part is locked (read protection level 1)",
-        "optcr | 0ffdaaed | 2 | sector 1 of the part's flash is protected from writing",
-        "optcr | ffffffff | 3 | option bytes read 0xffffffff, which they cannot be",
-        "idcode | Error | 3 | said something else: Error; `probe-rs --version`",
+        "optcr | 0ffdaaed | 2 | sector 1 of the part's flash is write-protected",
+        "optcr | ffffffff | 3 | option bytes read as 0xffffffff, which is impossible",
+        "idcode | Error | 3 | answered: Error; `probe-rs --version`",
         "fail-read | Error: No connected\x1b core\n\n  caused by: nothing | 3 | No connected\\u001b core caused by",
         "fail-read | Error: x | 3 | --under-reset; a part at read protection level 2 answers no probe",
         "fail-list | error: unrecognized subcommand 'list' | 3 | this probe-rs is too old",
         "fail-read | Access denied (insufficient permissions) | 3 | on Linux it needs udev rules",
-        "fail-read | could not claim interface: busy | 3 | another program has the probe",
+        "fail-read | could not claim interface: busy | 3 | another program uses the probe",
     ] {
         let [file, contents, status, part] = fields(row);
         let bench = FakeProbe::new();
@@ -217,7 +217,7 @@ fn the_image_for_another_board_is_replaced_only_by_name() {
     let bench = FakeProbe::new();
     bench.put("other", "olimex-h405");
     done(bench.run("other"));
-    let other = "the board has the image for 9.8.7 (0123456789ab) for olimex-h405, and this one is for weact";
+    let other = "the board has the image 9.8.7 (0123456789ab) for olimex-h405, but this image is for weact";
     bench.refused("image", 2, other);
     let named = "image is the image for weact-f405, not for olimex-h405";
     bench.refused("image --board olimex-h405", 2, named);

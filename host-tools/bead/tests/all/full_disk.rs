@@ -129,7 +129,7 @@ fn a_recording_on_a_disk_that_becomes_full_keeps_what_came_before() {
     let lines: Vec<_> = said.lines().collect();
     assert_eq!((output.status.code(), lines.len()), (Some(2), 2), "{said}");
     assert!(lines[0].contains("No space left on device"), "{said}");
-    let advice = "what came before is kept in disk/a.mcap.partial, for `bead recover`";
+    let advice = "the recording up to then is kept in disk/a.mcap.partial, for `bead recover`";
     assert!(lines[0].ends_with(advice), "{said}");
     assert_eq!(lines[1], "a.mcap.partial");
     let recovered: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();

@@ -224,7 +224,7 @@ fn a_cable_that_is_pulled_for_a_second_and_a_lossy_line_cost_no_strike_nor_does_
         let said = said(&output);
         assert_says(&said, "went away");
         assert_says(&said, "is back");
-        let is_complete = said.contains("strikes fetched, 0 not to be had");
+        let is_complete = said.contains("strikes fetched, 0 could not be fetched");
         assert!(is_reset || is_complete, "{said}");
         assert_says(&done(output), ", fetched\n");
         let names = whole(&open(&folder));
@@ -316,7 +316,7 @@ fn what_a_bead_keeps_is_listed_and_fetched_to_a_recording() {
     }
     bead.bead.kept[1].1.clear();
     let left = fetch(&mut bead, "1 2 --out a.mcap --overwrite");
-    refused(&left, 1, "strike 1 of boot 0 gave way");
+    refused(&left, 1, "strike 1 of boot 0 has meanwhile been replaced");
     let printed = String::from_utf8(left.stdout).unwrap();
     assert_says(&printed, "a.mcap: 1 strikes fetched");
     assert_eq!(whole(&open(&folder)), [(0, 2)]);

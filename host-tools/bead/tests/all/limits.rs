@@ -64,10 +64,10 @@ fn a_limit_is_kept_broken_or_not_decided_and_the_status_says_so() {
         "absorbed_measured | rule = 'guarded-acceptance'; max = 8.4e-7 | | undecided | its uncertainty is unknown, and the \
          rule needs it",
         "ring_frequency | rule = 'guarded-acceptance'; min = 1000 | bead.toml | undecided | the bead sends no \
-         uncertainty of it",
+         uncertainty of this frequency",
         // Over strikes, beads and frequency.
         "row_share | min = 0.1 | | undecided | a row has two or more",
-        "ratio | max = 1.1; beads = [9] | | undecided | bead 9 is not in the recording, which has 8",
+        "ratio | max = 1.1; beads = [9] | | undecided | bead 9 is not in the recording (beads there: 8)",
         "drift | min = -0.01; max = 0.01 | | pass |",
         "drift | of = 'peak_force'; min = 0.01 | | fail | drift of peak_force",
         "strikes = 9; ratio | max = 1.1 | | fail | number of strikes is 6, below the limit 9",

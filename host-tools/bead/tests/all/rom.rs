@@ -293,7 +293,7 @@ fn a_line_that_is_cut_leaves_no_vectors_to_start_from_and_the_same_command_again
     loader.flash[..1000].copy_from_slice(&image("weact-f405", 1000).1);
     // In the middle of writing.
     loader.cut = Some(15_000);
-    let why = "the line was cut, or the loader has stopped, in Write Memory at 0x0800";
+    let why = "the line was cut, or the loader has stopped, during Write Memory at 0x0800";
     refused(&flash(&folder, "", &mut loader), 3, why);
     assert_eq!(loader.word(FLASH), u32::MAX);
     assert!(loader.flash[..LENGTH] != image("weact-f405", LENGTH).1);

@@ -126,7 +126,7 @@ fn what_one_bead_lacks_is_said_in_a_line_and_the_others_go_on() {
     beads[1].carries = Some("title = \"another\"".to_owned());
     let row = RecordedRow::of(&scenario, &beads, 1);
     let (compared, notes) = row.compared("", 0);
-    let part = "bead 8 (address 8) is left out: it carries another scenario";
+    let part = "bead 8 (address 8) is left out: it has another scenario";
     assert_says(&notes, part);
     assert_eq!(each(&compared["beads"], "bead"), [7, 9, 10]);
     row.write("other.toml", &light_intruders(&[7, 8, 10]));
@@ -211,7 +211,7 @@ fn beads_without_strikes_and_those_of_another_chain_cannot_be_compared() {
     row.write("other.toml", &light_intruders(&[20, 21]));
     let other = row.compare("--scenario other.toml");
     assert_eq!(other.status.code(), Some(2));
-    assert_says(&said(&other), "none of its beads is of this scenario");
+    assert_says(&said(&other), "none of its beads belongs to this scenario");
 }
 
 #[test]

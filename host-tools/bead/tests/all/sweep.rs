@@ -216,7 +216,7 @@ fn what_is_of_another_plan_is_refused_and_stays() {
     folder.refused("2 | it has 2 rows of chunk 1/4 | sweep merge one --out a.parquet");
     folder.write("one/part-00004.parquet", &cut[..cut.len() / 2]);
     fs::remove_file(folder.join("one/part-00003.parquet")).unwrap();
-    folder.refused("2 | is no Parquet file, or a damaged one | sweep status one");
+    folder.refused("2 | is not a Parquet file, or is damaged | sweep status one");
     // A part has its columns in another order.
     let part = Reader::open(&folder.join("one/part-00002.parquet")).unwrap();
     let notes = ["plan", "chunk"].map(|key| (key, part.note(key).unwrap()));

@@ -28,8 +28,8 @@ fn the_first_recording_is_decoded_to_the_same_numbers_and_its_replay_says_that_i
     assert_eq!(replay.status.code(), Some(1));
     let why = said(&replay);
     for part in [
-        "strike 0: made by an image whose estimates this program no longer makes",
-        "Its codes, settings and times hold",
+        "strike 0: made by an image whose estimates this program no longer computes",
+        "Its codes, settings and times are valid",
         " peak_index, acceleration_max, acceleration_min,",
     ] {
         assert!(why.contains(part), "{part}: {why}");
@@ -76,7 +76,7 @@ fn a_recording_of_the_future_says_who_speaks_and_what_to_do() {
         assert_eq!(
             said(&decoded),
             format!(
-                "bead: 49 bytes rejected: version 9 of the protocol is not known here; use the program that belongs to it\n\
+                "bead: 49 bytes rejected: version 9 of the protocol is unknown here; use the program that belongs to it\n\
                  bead: 2 frames in {length} bytes; 0 lost, 1 refused, 0 late, 0 twice, 0 restarts\n\
                  bead: {WHO}\n"
             )

@@ -252,7 +252,7 @@ impl Chip {
             };
             let of = match wiring::request(self.part, dma, stream, channel) {
                 Some(request) if wiring::is_modelled(request) => continue,
-                Some(request) => format!("{request}, which no model requests"),
+                Some(request) => format!("{request}, a request that no model makes"),
                 None => format!("channel {channel}, which has no request"),
             };
             self.units.dma[dma]
@@ -303,7 +303,7 @@ impl Chip {
         });
         let converts = self.units.adc.converters.iter().any(|adc| adc.has_been_on);
         let silent = (converts && self.stimulus.never_began()).then(|| {
-            "ADC1 no triggered scan came: the rows of the stimulus were not played, give them since power-up".into()
+            "ADC1 no triggered scan came: the rows of the stimulus were not played; give them since power-up".into()
         });
         notes.chain(channels).chain(silent).collect()
     }

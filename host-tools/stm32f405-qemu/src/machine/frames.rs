@@ -10,8 +10,8 @@ use crate::device::{BusAnswer, BusCall, BusEvent, SpiFrame};
 use crate::peripherals::i2c::I2cStep;
 
 const NO_DEVICE: &str = "START: no device of this run is on its bus: no address is acknowledged";
-const NO_I2C_PINS: &str = "START: no pins are its SCL and SDA: nobody answers";
-const NO_SPI_CLOCK: &str = "CR1.SPE: no pin is its SCK: nothing leaves the part";
+const NO_I2C_PINS: &str = "START: no pins are set as its SCL and SDA: nobody answers";
+const NO_SPI_CLOCK: &str = "CR1.SPE: no pin is set as its SCK: nothing leaves the part";
 
 /// Asks a device, which may put levels on pins.
 fn ask(call: BusCall, levels: &mut Levels, board: &mut impl Exterior) -> u16 {

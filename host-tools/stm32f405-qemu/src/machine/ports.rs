@@ -4,7 +4,8 @@ use super::chip::Chip;
 use super::wiring::{self, PinIndex, USARTS};
 use crate::given::UartInput;
 
-const NO_TRANSMITTER: &str = "CR1.TE: it sends, and no pin is its transmitter: nothing leaves the part";
+const NO_TRANSMITTER: &str =
+    "CR1.TE: it sends, but no pin is set as its transmitter: nothing leaves the part";
 
 impl Chip {
     /// Takes bytes for the receivers of USARTs. Panics if a port does not exist.

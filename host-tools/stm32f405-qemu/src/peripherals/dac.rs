@@ -38,7 +38,7 @@ const SETTLES_NS: u64 = 3_000;
 
 const WAVES: &str = "CR.WAVE: noise and triangles are not modelled";
 const LINE: &str = "CR.TSEL: EXTI line 9 as trigger is not modelled";
-const BUFFER_ENDS: &str = "CR.BOFF is clear: the output ends 0.2 V before the rails, as with full load; with less silicon comes closer";
+const BUFFER_ENDS: &str = "CR.BOFF is clear: the output ends 0.2 V before the rails, as under full load; under less load, silicon comes closer";
 const UNSETTLED: &str =
     "an input was converted less than 3 us after a trigger had changed the output at its wire";
 

@@ -62,10 +62,12 @@ const BANK_2: u32 = WRITABLE.end;
 const BANK_ERASE_NS: [u64; 4] = [16_000_000_000, 11_000_000_000, 8_000_000_000, 8_000_000_000];
 const ROW_BYTES: u32 = 16;
 
-const PROGRAMMED: &str = "sector 0 or 1 was programmed: the others can be, these are as if protected";
-const ERASED: &str = "sector 0 or 1 was erased: the others can be, these are as if protected";
+const PROGRAMMED: &str =
+    "sector 0 or 1 was programmed: here these two are as if protected, unlike the others";
+const ERASED: &str = "sector 0 or 1 was erased: here these two are as if protected, unlike the others";
 const MASS_ERASED: &str = "CR.MER: sectors 0 and 1 are as if protected, so that not all can be erased";
-const READ_WHILE_BUSY: &str = "a DMA stream read flash while BSY: silicon holds it up, here it does not wait";
+const READ_WHILE_BUSY: &str =
+    "a DMA stream read flash while BSY: silicon makes it wait; here it does not wait";
 
 #[derive(Debug, Clone, Copy)]
 struct PendingOperation {
@@ -221,7 +223,7 @@ impl FlashController {
         let psize = field(self.cr, 8, 2);
         if self.busy() {
             self.notes
-                .note("a store to flash while BSY: silicon holds it up, here it is lost");
+                .note("a store to flash while BSY: silicon makes it wait; here it is lost");
         } else if self.cr & PG == 0 || self.cr & LOCK != 0 {
             self.notes
                 .note("a store to flash without CR.PG: nothing was programmed");
@@ -262,7 +264,10 @@ impl FlashController {
                 return self.begin(now, BANK_2, self.end - BANK_2, None, ns);
             }
             // With both set, neither erase can be performed.
-            _ => ("CR.STRT without either SER or MER alone: nothing was erased", 0),
+            _ => (
+                "CR.STRT without exactly one of SER and MER: nothing was erased",
+                0,
+            ),
         };
         self.notes.note(note);
         self.refuse(flag);
@@ -275,8 +280,10 @@ impl FlashController {
     fn check_latency(&mut self) {
         let needed = self.hclk.saturating_sub(1) / 30_000_000;
         let too_few = self.acr & 7 < needed;
-        self.notes
-            .note_if(too_few, "ACR.LATENCY is below table 10 for this HCLK");
+        self.notes.note_if(
+            too_few,
+            "ACR.LATENCY is lower than table 10 requires for this HCLK",
+        );
         // Section 3.5: above 30 MHz there are wait states, and these three hide most of them.
         for (n, name) in [(8, "PRFTEN"), (9, "ICEN"), (10, "DCEN")] {
             self.notes.keep_while(
@@ -341,7 +348,7 @@ impl Peripheral for FlashController {
             0x0c => self.sr &= !value,
             0x10 if self.busy() => {
                 self.notes
-                    .note("CR written while BSY: silicon holds the write up, here it is lost");
+                    .note("CR written while BSY: silicon makes the write wait; here it is lost");
             }
             0x10 if self.cr & LOCK == 0 => {
                 let two = self.has_two_banks();

@@ -15,7 +15,7 @@ const CLOCK_OUTPUTS: [(usize, usize, &str); 2] = [
     (0, 8, "PA8 is the output of a clock (MCO1): it does not move"),
     (2, 9, "PC9 is the output of a clock (MCO2): it does not move"),
 ];
-const NOT_RECORDED: &str = "later changes are counted and not recorded";
+const NOT_RECORDED: &str = "later changes are counted, but not recorded";
 
 /// The lock key (section 8.4.8): LCKK is written as 1, 0, 1 with the same pins, and then read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -43,7 +43,7 @@ const UNMODELLED: [(u32, u32, &str); 2] = [
     (0x08, 0x3ff, "OAR1: slave mode is not modelled"),
 ];
 const LONG_ADDRESS: &str = "DR: addresses of 10 bits are not modelled: nobody answers";
-const NO_RATE: &str = "CCR is 0: it is taken for 1";
+const NO_RATE: &str = "CCR is 0: it is taken as 1";
 const STARTED_TWICE: &str = "CR1.START is written while SB is set: here it waits for an address; RM0090 does not say what a part does";
 
 /// The state of the bus.
@@ -277,7 +277,7 @@ impl I2c {
         let (freq, mhz) = (field(self.cr2, 0, 6), self.pclk / 1_000_000);
         if freq != mhz {
             self.notes.note(format!(
-                "CR2.FREQ is {freq}, and PCLK1 has {mhz} MHz (section 27.6.2)"
+                "CR2.FREQ is {freq}, but PCLK1 has {mhz} MHz (section 27.6.2)"
             ));
         }
         self.notes.note_if(field(self.ccr, 0, 12) == 0, NO_RATE);
@@ -611,6 +611,6 @@ mod tests {
         let mut i2c = running(0);
         i2c.put(0, [(CR2, 16), (CR1, PE | START)]);
         let notes: Vec<_> = i2c.notes.iter().collect();
-        assert_eq!(notes, ["CR2.FREQ is 16, and PCLK1 has 42 MHz (section 27.6.2)"]);
+        assert_eq!(notes, ["CR2.FREQ is 16, but PCLK1 has 42 MHz (section 27.6.2)"]);
     }
 }

@@ -56,9 +56,9 @@ const SLEEP_AT_RESET: [u32; BUSES] = [0x7e67_91ff, 0xf1, 1, 0, 0x36fe_c9ff, 0x00
 
 /// DCKCFGR.TIMPRE, on parts other than the F405.
 const TIMPRE: u32 = 1 << 24;
-const NO_TIMPRE: &str = "DCKCFGR.TIMPRE: the timers have the clock that they have without it";
+const NO_TIMPRE: &str = "DCKCFGR.TIMPRE is ignored: the timers keep their clock";
 const STOPPED: &str =
-    "the crystal stopped and with it the processor's clock: with CR.CSSON it would go on with HSI";
+    "the crystal stopped, and the processor's clock with it: with CR.CSSON it would continue on HSI";
 const PLL_RANGE: &str = "the PLL is outside its range: VCO input 1-2 MHz, VCO 100-432 MHz";
 
 /// CR.HSICAL: what the factory found for the internal oscillator (section 7.3.1). It differs from part to

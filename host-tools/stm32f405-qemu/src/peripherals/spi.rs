@@ -42,7 +42,7 @@ const UNMODELLED: [(u32, u32, &str); 3] = [
     (0x1c, 0x800, "I2SCFGR: I2S is not modelled"),
 ];
 const SLAVE: &str = "CR1.MSTR: slave mode is not modelled: nothing is received";
-const NO_SELECT: &str = "CR1.SSI: a master whose software select is low is none (section 28.5.3, MODF)";
+const NO_SELECT: &str = "CR1.SSI: a low software select ends master mode (section 28.5.3, MODF)";
 
 /// A frame on its way.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

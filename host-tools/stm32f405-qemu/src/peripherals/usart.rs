@@ -247,7 +247,8 @@ impl Usart {
         if connected {
             self.take_in(byte.into(), now);
         } else if self.on(RE) {
-            self.notes.note("CR1.RE: bytes came, and no pin is its receiver");
+            self.notes
+                .note("CR1.RE: bytes came, but no pin is set as its receiver");
         }
     }
 

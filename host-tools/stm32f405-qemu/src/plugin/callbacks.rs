@@ -151,7 +151,7 @@ fn install(id: u64, arguments: &[String]) -> Result<(), String> {
     let said = Path::new(folder).join(exchange::SEMIHOSTING);
     let said = overlay.description.run.semihosting.then_some(said);
     let streams = take_standard_streams(said.as_deref());
-    let (from, to) = streams.map_err(|e| format!("its standard streams cannot be taken: {e}"))?;
+    let (from, to) = streams.map_err(|e| format!("QEMU's standard streams cannot be taken over: {e}"))?;
     overlay.talk_to(to);
     let (counters, steps) = (overlay.counters(), overlay.steps.clone());
     if let Some(stem) = &overlay.description.coverage {

@@ -574,7 +574,7 @@ fn describe(folder: &Path) -> Result<RunDescription<'static>, String> {
     let json: serde_json::Value =
         serde_json::from_slice(&read(folder, exchange::DESCRIPTION)?).map_err(odd)?;
     if json.get("format").and_then(serde_json::Value::as_u64) != Some(u64::from(FORMAT)) {
-        let other = "this overlay is of another build than the program that runs it; build both again";
+        let other = "this overlay comes from another build than the program that runs it; build both again";
         return Err(other.into());
     }
     serde_json::from_value(json).map_err(odd)

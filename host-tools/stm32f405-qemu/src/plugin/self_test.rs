@@ -16,7 +16,7 @@ pub(super) fn self_test(qemu: &Qemu, chip: Chip) -> Result<(), String> {
         u32::from_le_bytes(bytes)
     };
     let check = |what: &str, found: u32, expected: u32| {
-        let differs = || format!("{what} is {found:#010x} and not {expected:#010x}");
+        let differs = || format!("{what} is {found:#010x} instead of {expected:#010x}");
         (found == expected).then_some(()).ok_or_else(differs)
     };
     let flash = chip.flash_space();
@@ -57,7 +57,7 @@ pub(super) fn interrupt_test(qemu: &Qemu) -> Result<(), String> {
     match (before, raised, pending()) {
         (false, true, false) => Ok(()),
         (_, _, cleared) => Err(format!(
-            "an interrupt line was pending {before} before it was raised, {raised} after, {cleared} when cleared"
+            "an interrupt line is pending: {before} before it was raised, {raised} after that, {cleared} once cleared"
         )),
     }
 }

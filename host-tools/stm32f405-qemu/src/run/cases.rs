@@ -70,7 +70,7 @@ pub fn test_cases(elf: &Path) -> Result<Option<Vec<TestCase>>, RunError> {
     let version = version.and_then(|symbol| word(symbol.address()));
     if version.is_some_and(|version| version != VERSION) {
         return Err(odd(format!(
-            "its embedded-test cases have format {version:?}, and {VERSION} is known"
+            "its embedded-test cases have format {version:?}, but only {VERSION} is known"
         )));
     }
     let mut cases = Vec::new();
@@ -82,7 +82,7 @@ pub fn test_cases(elf: &Path) -> Result<Option<Vec<TestCase>>, RunError> {
         let words = [0, 4, 8].map(|offset| word(symbol.address() + offset));
         let [Some(address), Some(start), Some(length)] = words else {
             return Err(odd(format!(
-                "its test case {} lies outside of {SECTION}",
+                "its test case {} is outside {SECTION}",
                 described.name
             )));
         };

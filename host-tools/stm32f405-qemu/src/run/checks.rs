@@ -36,7 +36,7 @@ pub(super) fn check_image(chip: Chip, image: &Image) -> Result<(), RunError> {
         kib(&sram),
         kib(&ccm)
     );
-    let next = "link it for this part, or name its own (--chip, Run::chip)";
+    let next = "link it for this part, or name the part that it is for (--chip, Run::chip)";
     for (start, bytes) in &image.segments {
         let places = [(FLASH_SPACE, &flash), (CCM_SPACE, &ccm), (SRAM_SPACE, &sram)];
         let place = places.into_iter().find(|(space, _)| space.contains(start));
@@ -45,14 +45,14 @@ pub(super) fn check_image(chip: Chip, image: &Image) -> Result<(), RunError> {
         {
             let end = start.saturating_add(*bytes);
             return other(format!(
-                "it lies in {start:#010x}..{end:#010x}, and {has}; {next}"
+                "it occupies {start:#010x}..{end:#010x}, but {has}; {next}"
             ));
         }
     }
     match image.stack {
         // The stack grows down: it may begin where memory ends.
         Some(stack) if !chip.is_ram(stack.wrapping_sub(4), 4) => {
-            other(format!("its stack begins at {stack:#010x}, and {has}; {next}"))
+            other(format!("its stack begins at {stack:#010x}, but {has}; {next}"))
         }
         _ => Ok(()),
     }
@@ -79,7 +79,7 @@ pub(super) fn check_devices(chip: Chip, devices: &Devices) -> Result<(), RunErro
                 // Section 3.1.12 of the I2C specification (UM10204): the other addresses are reserved.
                 if !(0x08..0x78).contains(address) {
                     return refused(format!(
-                        "a device at {bus} has the address {address:#04x}; give one of 7 bits, 0x08 to 0x77"
+                        "a device at {bus} has the address {address:#04x}; give a 7-bit address, 0x08 to 0x77"
                     ));
                 }
                 if !taken.insert((bus, address)) {

@@ -38,7 +38,7 @@ pub enum RunError {
     QemuMissing(String),
     /// The QEMU of this name runs, but the first line of its output has no version in it.
     #[error(
-        "`{0} --version` said {1:?}, which is no QEMU version; set STM32F405_QEMU to a qemu-system-arm of 7.2 or newer"
+        "`{0} --version` printed {1:?}, which is not a QEMU version; set STM32F405_QEMU to a qemu-system-arm of 7.2 or newer"
     )]
     QemuVersion(String, String),
     /// The shared object of this name, which QEMU loads, is in none of these places.

@@ -100,7 +100,7 @@ impl Live {
     pub fn advance(&mut self, to_ns: u64, inputs: Inputs) -> Result<Passed, RunError> {
         let now_ns = self.now_ns();
         if to_ns < now_ns {
-            let what = format!("the image is at {now_ns} ns, and time does not go back to {to_ns} ns");
+            let what = format!("the image is already at {now_ns} ns; time cannot go back to {to_ns} ns");
             return Err(RunError::Input(what));
         }
         self.check(&inputs)?;
@@ -170,7 +170,7 @@ impl Live {
         let refused = |text: String| Err(RunError::Input(text));
         let now_ns = self.now_ns();
         let late = |what: &str, at_ns: u64| {
-            format!("{what} is to come at {at_ns} ns, and the image is at {now_ns} ns already")
+            format!("{what} should come at {at_ns} ns, but the image is already at {now_ns} ns")
         };
         for input in &inputs.uart {
             check_usart(&input.port)?;

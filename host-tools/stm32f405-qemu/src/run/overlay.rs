@@ -113,7 +113,7 @@ pub(super) fn with_version(overlay: &OverlayFile, version: i32) -> Result<Vec<u8
     let mut bytes = overlay.bytes.to_vec();
     let at = version_offset(&bytes).map_err(odd)?;
     let place = bytes.get_mut(at..at + size_of::<i32>());
-    let place = place.ok_or_else(|| odd(format!("{VERSION_SYMBOL} lies past its end")))?;
+    let place = place.ok_or_else(|| odd(format!("{VERSION_SYMBOL} is past the end of the file")))?;
     place.copy_from_slice(&version.to_ne_bytes());
     Ok(bytes)
 }

@@ -107,7 +107,8 @@ impl QemuJob {
     /// It does not report.
     pub(super) fn end(&self, child: Child, limit: Option<Duration>) -> Result<Ended, RunError> {
         let status = wait(child, limit)?;
-        let stderr = std::fs::read(self.folder.path("stderr")).map_err(io("cannot read what QEMU said"))?;
+        let stderr =
+            std::fs::read(self.folder.path("stderr")).map_err(io("cannot read the messages of QEMU"))?;
         let stderr = String::from_utf8_lossy(&stderr).into_owned();
         Ok(Ended { status, stderr })
     }
@@ -211,13 +212,14 @@ impl Ended {
     /// Returns the overlay's report, or the reason why there is none.
     pub(super) fn outcome(&self, folder: &RunFolder) -> Result<Outcome, RunError> {
         let first = |part: &str| self.stderr.lines().find(|l| l.contains(part)).map(str::to_string);
-        let any = || first("").unwrap_or_else(|| "it said nothing".into());
+        let any = || first("").unwrap_or_else(|| "it printed nothing".into());
         if let Some(panic) = panic(&self.stderr) {
             return Err(RunError::OverlayFailed(panic));
         }
         if let Ok(json) = std::fs::read(folder.path(exchange::OUTCOME)) {
             let outcome: Outcome = serde_json::from_slice(&json).map_err(|e| {
-                let why = format!("its report cannot be read ({e}): is the overlay of another build?");
+                let why =
+                    format!("its report cannot be read ({e}): does the overlay come from another build?");
                 RunError::Qemu(self.status, why)
             })?;
             let end = match outcome.end {

@@ -29,7 +29,7 @@ impl std::str::FromStr for Time {
             .iter()
             .find_map(|(unit, s)| Some((text.strip_suffix(unit)?, *s)));
         let time = unit.and_then(|(number, s)| Self::of(number.trim().parse().ok()?, s));
-        time.ok_or_else(|| format!("{text:?} is no time: give for example \"10ms\", \"2.5us\" or 0.01"))
+        time.ok_or_else(|| format!("{text:?} is not a time: give for example \"10ms\", \"2.5us\" or 0.01"))
     }
 }
 
@@ -57,7 +57,7 @@ impl Visitor<'_> for TimeVisitor {
     }
 
     fn visit_f64<E: de::Error>(self, seconds: f64) -> Result<Time, E> {
-        Time::of(seconds, 1.0).ok_or_else(|| E::custom(format!("{seconds} s is no time")))
+        Time::of(seconds, 1.0).ok_or_else(|| E::custom(format!("{seconds} s is not a valid time")))
     }
 }
 

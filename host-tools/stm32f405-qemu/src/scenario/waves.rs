@@ -51,7 +51,7 @@ impl Wave {
     /// The wave's codes: of `offset` + `gain` times each value, in this unit.
     pub(super) fn codes(&self, unit: Unit, gain: f64, offset: f64) -> Result<Vec<u16>, String> {
         if self.values.is_empty() {
-            return Err("it has no values".into());
+            return Err("the file has no values".into());
         }
         let code = |(n, value): (usize, &f64)| {
             let value = offset + gain * value;
@@ -62,7 +62,7 @@ impl Wave {
             let rounded = code.round();
             let fits = (0.0..=FULL_SCALE).contains(&rounded);
             fits.then_some(rounded as u16)
-                .ok_or_else(|| format!("value {n} makes {rounded}, which is no code of 0 to 4095"))
+                .ok_or_else(|| format!("value {n} gives {rounded}, which is not a code from 0 to 4095"))
         };
         self.values.iter().enumerate().map(code).collect()
     }
@@ -79,13 +79,13 @@ fn columns(names: &[&str], column: Option<&str>) -> Result<(usize, Option<usize>
     let listed = || names.join(", ");
     let of_values = match column {
         Some(wanted) => {
-            place(wanted).ok_or_else(|| format!("it has no column {wanted:?}, but {}", listed()))?
+            place(wanted).ok_or_else(|| format!("the file has no column {wanted:?}, only {}", listed()))?
         }
         None => {
             let others: Vec<usize> = (0..names.len()).filter(|place| names[*place] != "t").collect();
             match others[..] {
                 [only] => only,
-                _ => return Err(format!("it has the columns {}: give one", listed())),
+                _ => return Err(format!("the file has the columns {}: give one", listed())),
             }
         }
     };
@@ -106,7 +106,7 @@ fn of_parquet(path: &Path, column: Option<&str>) -> Result<Wave, String> {
         let number = |place: usize| {
             let (name, field) = &fields[place];
             let found = number_of(field).filter(|number| number.is_finite());
-            found.ok_or_else(|| format!("row {n}: {name} is {field}, which is no number"))
+            found.ok_or_else(|| format!("row {n}: {name} is {field}, which is not a number"))
         };
         values.push(number(of_values)?);
         times.extend(of_times.map(&number).transpose()?);
@@ -144,7 +144,7 @@ fn of_csv(path: &Path, column: Option<&str>) -> Result<Wave, String> {
             let text = record.get(place).unwrap_or("").trim();
             let found = text.parse::<f64>().ok().filter(|number| number.is_finite());
             let line = record.position().map_or(0, csv::Position::line);
-            found.ok_or_else(|| format!("line {line}: {text:?} is no number"))
+            found.ok_or_else(|| format!("line {line}: {text:?} is not a number"))
         };
         values.push(number(of_values)?);
         times.extend(of_times.map(&number).transpose()?);
@@ -159,7 +159,9 @@ fn period(times: &[f64]) -> Result<Option<u64>, String> {
     let period = (last - first) / (times.len() - 1) as f64;
     let odd = |pair: &[f64]| (pair[1] - pair[0] - period).abs() > 0.1 * period;
     if period <= 0.0 || times.windows(2).any(odd) {
-        return Err("its times (column t) are not even: give a file with even ones, or a period".into());
+        return Err(
+            "the times (column t) are not evenly spaced: give a file with even steps, or a period".into(),
+        );
     }
     Ok(Some((period * 1e9).round() as u64))
 }
@@ -170,7 +172,10 @@ fn of_wav(path: &Path, channel: u16) -> Result<Wave, String> {
     let mut reader = hound::WavReader::open(path).map_err(refused)?;
     let spec = reader.spec();
     if channel == 0 || channel > spec.channels {
-        return Err(format!("it has {} channels, and no {channel}th", spec.channels));
+        return Err(format!(
+            "the file has {} channels, so there is no channel {channel}",
+            spec.channels
+        ));
     }
     let (skipped, step) = (usize::from(channel - 1), usize::from(spec.channels));
     let values: Result<Vec<f64>, hound::Error> = match spec.sample_format {
@@ -254,7 +259,7 @@ mod tests {
         assert_eq!(volts, Ok(vec![0, 2048, 4095]));
         assert_eq!(
             read("x").unwrap_err(),
-            "it has no column \"x\", but t, code, volts"
+            "the file has no column \"x\", only t, code, volts"
         );
         let mut bytes = std::fs::read(&path).unwrap();
         bytes.truncate(bytes.len() - 9);

@@ -60,7 +60,7 @@ fn an_image_finds_identity_memory_and_peripherals_of_its_part() {
         let log: Vec<_> = outcome.log.iter().map(|line| &*line.text).collect();
         assert_eq!(log, [&format!("{identity} of flash"), "keeps a word"], "{name}");
         assert_eq!(outcome.unknown_registers.len(), 0, "{name}");
-        let moved = format!("GPIO PE3 moved, and the {name} has no such pin");
+        let moved = format!("GPIO PE3 moved, but the {name} has no such pin");
         assert_eq!(
             outcome.unmodelled.contains(&moved),
             !chip.has_pin("PE3"),
@@ -114,7 +114,7 @@ fn a_pin_that_the_package_lacks_fails_a_strict_run() {
         let said = super::said(&ran);
         assert_eq!(ran.status.code(), Some(status), "{name}: {said}");
         assert_eq!(
-            said.contains("moved PE3, and the STM32F405RG has no such pin"),
+            said.contains("moved PE3, but the STM32F405RG has no such pin"),
             status > 0
         );
     }
@@ -129,7 +129,7 @@ fn an_image_for_another_part_is_refused_before_it_runs() {
         (
             &large,
             "STM32F411CE",
-            "its stack begins at 0x20030000, and the STM32F411CE has 512 KiB of flash",
+            "its stack begins at 0x20030000, but the STM32F411CE has 512 KiB of flash",
         ),
         (&coupled, "STM32F446RE", "128 KiB of SRAM and 0 KiB of CCM"),
     ] {

@@ -423,7 +423,7 @@ fn program(image_name: &str, options: &[&str]) -> (Option<i32>, String) {
 #[test]
 fn the_program_ends_with_a_status_for_each_end_of_an_image() {
     let missing = "no line of the log, a UART or semihosting matches \"line 1000$\"";
-    let faulted = "the image stands in the handler of a fault: HardFault";
+    let faulted = "the image is in a fault handler: HardFault";
     for (image, options, status, words) in [
         ("logs", &["--until", "line 999"][..], 0, "line 999"),
         ("logs", &["--until", "line 1000$"], 7, missing),
@@ -457,12 +457,7 @@ fn the_program_ends_with_a_status_for_each_end_of_an_image() {
         ("panics", &[], 1, "the answer is 42"),
         ("faults", &[], 4, faulted),
         ("locks-up", &[], 4, "INFO  and again in the handler"),
-        (
-            "locks-up",
-            &[],
-            4,
-            "_HardFault): a fault in the handler of a fault",
-        ),
+        ("locks-up", &[], 4, "_HardFault): a fault in a fault handler"),
         ("polls", &[], 5, "busy with CAN1_MSR"),
         ("semihosts", &["--semihosting"], 1, "hello, host"),
         ("polls", &["--nonsense"], 2, "Usage"),
@@ -501,7 +496,7 @@ fn an_output_that_is_an_input_is_refused_before_it_is_emptied() {
         ),
         (
             ["--json", "none/x", "--for", "1s"],
-            "there is no folder for none/x; make it first",
+            "the folder of none/x does not exist; make it first",
         ),
         (
             ["--vcd", here, "--for", "1s"],
@@ -762,7 +757,7 @@ fn a_run_that_is_stopped_says_where_the_image_was() {
 fn an_image_calls_the_host_only_if_it_may() {
     let (refused, said) = failed("semihosts");
     assert_eq!(refused.end, RunEnd::Faulted);
-    let hint = "a semihosting call, which Run::semihosting lets through";
+    let hint = "a semihosting call, which --semihosting (Run::semihosting) allows";
     assert!(said.contains(hint), "{said}");
     let mut run = run_of("semihosts");
     run.semihosting = true;

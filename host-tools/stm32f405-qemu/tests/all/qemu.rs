@@ -744,10 +744,10 @@ fn what_comes_too_late_for_a_live_run_is_refused_and_no_time_passes() {
     edge.levels.push(Level { pin, at_ns, high });
     row.codes.push([0; 4]);
     for (to_ns, inputs, what) in [
-        (600_000, byte, "a byte for USART1 is to come at 49"),
-        (600_000, edge, "an edge on PA15 is to come at 3 ns, and"),
-        (600_000, row, "the next row of codes is to come"),
-        (400_000, Inputs::default(), "time does not go back to 400000 ns"),
+        (600_000, byte, "a byte for USART1 should come at 49"),
+        (600_000, edge, "an edge on PA15 should come at 3 ns, but"),
+        (600_000, row, "the next row of codes should come"),
+        (400_000, Inputs::default(), "time cannot go back to 400000 ns"),
     ] {
         let refused = live.advance(to_ns, inputs).unwrap_err().to_string();
         assert!(refused.contains(what), "{refused}");

@@ -97,7 +97,7 @@ pub(super) fn hold(
         .collect();
     let played = first_index..first_index + u64::from(scans);
     Level::of_both(&pieces, |index| played.contains(&index)).ok_or_else(|| {
-        LineError::Failed("too few scans of a level came over the line: is it noisy?".to_owned())
+        LineError::Failed("too few scans of a level came over the line: is the line noisy?".to_owned())
     })
 }
 

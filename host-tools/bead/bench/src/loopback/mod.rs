@@ -210,7 +210,7 @@ fn self_test_row(bead: &mut Conversation) -> Result<CheckRow, LineError> {
     let seen = match (ours.is_empty(), open.is_empty()) {
         (true, true) => format!("{} checks passed", tests.len()),
         (true, false) => format!(
-            "{} checks passed; of the open inputs: {open}",
+            "{} checks passed; failed at the open inputs: {open}",
             tests.len() - failed.len()
         ),
         (false, _) => format!("failed: {ours}"),
@@ -294,7 +294,7 @@ fn line_row(bead: &Conversation, before: &Link, after: &Link) -> CheckRow {
     let (by_host, lost) = (counters.rejected.total(), counters.lost);
     let row = CheckRow::of(
         "line",
-        format!("{by_bead} rejected there, {by_host} here, {lost} frames lost"),
+        format!("{by_bead} rejected by bead, {by_host} here, {lost} frames lost"),
         "none",
         by_bead + by_host + lost == 0,
     );

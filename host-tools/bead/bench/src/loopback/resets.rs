@@ -77,7 +77,7 @@ pub(super) fn settings_row(bead: &mut Conversation) -> Result<CheckRow, LineErro
     let Some(other) = changed(&before) else {
         return Ok(CheckRow::not_done(
             SETTINGS,
-            "a threshold of 1.25 times that in force is none",
+            "needs a valid threshold at 1.25 times the present one",
         ));
     };
     let restarts = bead.counters().restarts;
@@ -102,7 +102,7 @@ pub(super) fn settings_row(bead: &mut Conversation) -> Result<CheckRow, LineErro
     let passed = kept.is_ok_and(|kept| kept == other) && restored.is_ok_and(|restored| restored == before);
     Ok(CheckRow::of(
         SETTINGS,
-        format!("others {kept_word}, own ones {restored_word}"),
+        format!("test block {kept_word}, own {restored_word}"),
         "as written, over resets",
         passed,
     ))

@@ -133,7 +133,7 @@ impl Strikes {
         let (Some(strike), Some(expected)) = (self.found.first(), expected) else {
             let seen = match expected {
                 Some(_) => "no strike with the flag played",
-                None => "these settings trigger by more than what is played",
+                None => "the played strike does not reach the trigger of these settings",
             };
             let rest = [replay_row, value_row].map(|name| CheckRow::not_done(name, "needs a strike"));
             return [CheckRow::of(trigger, seen, "one strike", false)]
@@ -144,7 +144,7 @@ impl Strikes {
         let at = self.triggers().next().unwrap_or_default();
         let row = CheckRow::of(
             trigger,
-            format!("{} found, {at} scans into what is played", self.found.len()),
+            format!("{} found, {at} scans into the playback", self.found.len()),
             format!("1, {} scans", expected.trigger),
             self.is_whole() && at == expected.trigger,
         );
@@ -152,7 +152,7 @@ impl Strikes {
         let differs = all.clone().find_map(|strike| replay(strike).failure());
         let seen = differs
             .clone()
-            .unwrap_or_else(|| format!("every bit of {}", all.count()));
+            .unwrap_or_else(|| format!("every bit of {} strikes", all.count()));
         let replayed = CheckRow::of(replay_row, seen, "every bit", differs.is_none());
         let ([peak, a, b], [peak_expected, a_expected, b_expected]) =
             (values(&strike.said), values(&expected.strike));

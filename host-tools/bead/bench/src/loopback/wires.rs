@@ -14,7 +14,7 @@ const FOLLOWS: f64 = 0.5;
 
 const INPUTS: [&str; 2] = ["PA0", "PA2"];
 const OUTPUTS: [&str; 2] = ["PA4", "PA5"];
-const NEXT: &str = "connect PA4 to PA0 and PA5 to PA2, as docs/bench.md draws it";
+const NEXT: &str = "connect PA4 to PA0 and PA5 to PA2, as docs/bench.md shows";
 
 /// For each of PA0 and PA2, the output that it follows, if any: 0 is PA4, 1 is PA5.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

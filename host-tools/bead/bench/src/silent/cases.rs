@@ -101,11 +101,7 @@ fn supplies() -> Vec<SilentCase> {
                 duration: None,
                 volts: Some(volts),
             };
-            let case = paper(
-                "supply",
-                format!("{volts} V in place of 3.3 V"),
-                Flags::SUPPLY_OFF,
-            );
+            let case = paper("supply", format!("{volts} V instead of 3.3 V"), Flags::SUPPLY_OFF);
             SilentCase {
                 faults: vec![fault],
                 ..case

@@ -44,7 +44,7 @@ pub struct Deviation {
 
 fn deviation(calibration: &Calibration, name: &'static str, truth: f64) -> Result<Deviation, String> {
     let result = calibration.results.iter().find(|result| result.name == name);
-    let combined = &result.ok_or_else(|| format!("{name} is no result"))?.combined;
+    let combined = &result.ok_or_else(|| format!("{name} is not a result"))?.combined;
     Ok(Deviation {
         of: (calibration.procedure, name),
         over_expanded: (combined.value - truth) / combined.expanded,

@@ -198,7 +198,7 @@ fn lines(budget: &StrikeBudget) -> Vec<String> {
         ));
     } else {
         lines.push(format!(
-            "bead {bead}: unknown uncertainties: {}; U lacks their part, and A and B are not judged by it",
+            "bead {bead}: unknown uncertainties: {}; U lacks their part, so A and B are not judged",
             budget.unknown.join(", ")
         ));
     }
@@ -241,7 +241,7 @@ fn ratio_section(ratios: &[BeadRatio]) -> Chapter {
     let rows: Vec<_> = ratios.iter().map(row).collect();
     let some_do_not = ratios.iter().any(|ratio| !ratio.shares_calibration);
     let line = some_do_not.then(|| {
-        "Gain, flatness, supply and contacts cancel between beads whose settings name one calibration of one day".to_owned()
+        "Gain, flatness, supply and contacts cancel only between beads whose settings name the same calibration of the same day".to_owned()
     });
     Chapter::new("Ratios")
         .table(Grid::new("ratio | A | B | shared inputs", rows))

@@ -143,7 +143,7 @@ impl StrikeBudget {
         let settings = strike.settings.as_ref().ok_or_else(|| {
             let number = strike.said.strike;
             CompareError::Unfit(format!(
-                "strike {number}: no settings were received, so it cannot be measured again; record them with it"
+                "strike {number}: no settings were received, so it cannot be measured again; record the settings too"
             ))
         })?;
         let mut description = *settings.description();

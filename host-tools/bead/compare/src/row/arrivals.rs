@@ -114,19 +114,21 @@ impl Arrivals {
     pub(super) fn notes(&self, row: &BeadRow) -> Vec<String> {
         let felt = row.members.iter().filter(|member| !member.felt.is_empty());
         if self.beads.is_empty() {
-            let none = "no common time: no two beads saw two sync edges that are the same, so there are no arrivals and no \
-                        speeds; energies need none";
+            let none = "no common time: no two beads have two sync edges in common, so there are no arrivals and no speeds; \
+                        energies need no common time";
             return (felt.count() > 1).then(|| none.to_owned()).into_iter().collect();
         }
         let note = |member: &RowBead| {
             let bead = member.bead;
             if member.felt.iter().any(|felt| felt.rise_drawn.is_some()) {
                 format!(
-                    "bead {bead} is not on the common time: it has no two sync edges in common with the others; \
-                     its arrival is not known"
+                    "bead {bead} is not on the common time: it has no two sync edges in common with the others, so \
+                     its arrival is unknown"
                 )
             } else {
-                format!("bead {bead} has no strike with all its samples: its arrival is not known")
+                format!(
+                    "bead {bead} has no strike with all its samples and its force in range, so its arrival is unknown"
+                )
             }
         };
         let off = felt.filter(|member| self.at(member.bead).is_none());

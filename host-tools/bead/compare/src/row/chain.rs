@@ -54,11 +54,11 @@ pub fn among(received: &Recording, chain: &RowChain, text: Option<&str>) -> (Vec
         let why = if !chain.hosts.contains(&at) {
             Some("has no intruder in this scenario")
         } else if places.iter().any(|other| other.bead == at) {
-            Some("is there twice")
+            Some("is in the recording twice")
         } else {
             let both = own.zip(text);
             let is_other = both.is_some_and(|(own, text)| **own != *text.as_bytes());
-            is_other.then_some("carries another scenario")
+            is_other.then_some("has another scenario")
         };
         match why {
             Some(why) => notes.push(format!("bead {at} (address {address}) is left out: it {why}")),
@@ -81,7 +81,7 @@ pub fn among(received: &Recording, chain: &RowChain, text: Option<&str>) -> (Vec
         };
         let missing = missing.join(", ");
         notes.push(format!(
-            "{beads} {missing} of the scenario did not record: what {took} took is the simulation's"
+            "{beads} {missing} of the scenario did not record: the energy of {took} is the simulation's"
         ));
     }
     (places, notes)

@@ -146,11 +146,11 @@ impl EnergyAlong {
             why: match (is_own, leader.chain.load > 0.0) {
                 (true, _) => None,
                 (false, true) => Some(
-                    "the chain is under a load, and the bead reckons without: the energy that came to the first bead is the \
+                    "the chain is under a load, which the bead ignores: the energy that came to the first bead is the \
                      simulation's",
                 ),
                 (false, false) => Some(
-                    "the first bead has a strike without all its samples, or beyond its sensor's range: the energy that came to \
+                    "the first bead has a strike with missing samples, or beyond its sensor's range: the energy that came to \
                      it is the simulation's",
                 ),
             },
@@ -162,7 +162,7 @@ impl EnergyAlong {
         if !self.not_measured.is_empty() {
             let beads: Vec<String> = self.not_measured.iter().map(usize::to_string).collect();
             notes.push(format!(
-                "no T is fitted to the beads' energies: {} between them measured nothing",
+                "no T is fitted to the beads' energies, as these beads among them measured nothing: {}",
                 beads.join(", ")
             ));
         }

@@ -97,20 +97,20 @@ impl ComparedRow<'_> {
     }
 
     fn wave(&self, chart: Chart) -> Chapter {
-        let text = "Green is what the beads sensed, each at its place in the chain and on the time that their sync edges give \
-                    them in common. Grey below it is the simulation. What is left after n intruders is what came to the first \
-                    bead, less what the beads measured that their intruders took.";
+        let text = "Green is what the beads sensed, each at its place in the chain, on the common time of their sync edges. The \
+                    grey below is the simulation. The energy left after n intruders is the energy that came to the first \
+                    bead, less the energy that the beads measured in their intruders.";
         Chapter::new("The wave along the row").text(text).chart(chart)
     }
 
     fn beads(&self) -> Chapter {
         let compared = self.compared;
-        let text = "The wave comes when the force has risen to half its height. Goals: A within 0.2 % of the simulation, B within \
-                    0.5 %, every bit replayed, more where a note says that the chain is unlike the reduced one.";
+        let text = "The wave arrives when the force has risen to half its height. Goals: A within 0.2 % of the simulation, B \
+                    within 0.5 %, or more where a note says that the chain is unlike the reduced one, and every bit replayed.";
         let more: usize = compared.beads.iter().map(|bead| bead.strikes_left_out).sum();
         let more = (more > 0).then(|| {
             let more = count(more as u64, "strike");
-            format!("{more}, after the first of each bead, count only in its means and in the verdict")
+            format!("{more}, beyond those kept for each bead, count only in its means and in the verdict")
         });
         let rms = compared.arrivals.off_rms_s;
         let velocity = self.velocity.as_ref();
@@ -268,7 +268,7 @@ fn energy(energy: &EnergyAlong) -> Option<Chapter> {
     let by = if energy.incident_by == "bead" {
         "by its own force"
     } else {
-        "of the simulation, as its own force is not known whole"
+        "by the simulation, as its own force is not fully known"
     };
     let unit = EnergyUnit::of([incident.device, incident.f64_chain]);
     let [device, f64_chain] = [incident.device, incident.f64_chain].map(|joules| unit.number(joules, 3));
@@ -276,11 +276,11 @@ fn energy(energy: &EnergyAlong) -> Option<Chapter> {
     let line = format!(
         "energy of the wave at bead {at}: {device} {symbol} {by}, {f64_chain} {symbol} in the f64 chain"
     );
-    let text = "From the energy of the wave at the first bead is taken what each bead measured, by A and by B; the column f64 \
+    let text = "E(n) is the energy of the wave at the first bead, less what each bead measured, by A and by B; the column f64 \
                 chain is the same sum in the simulation of this row. Rows of n is the paper’s Fig. 5: for each n a chain with \
                 n intruders, and the energy that it has at the end. Heavy intruders send waves back to those before them, and \
-                then the two differ. The line through ln E(n) gives one T for all; what stands after ± is its standard error, \
-                from the distance of the energies from the line.";
+                then these two columns differ. The line through ln E(n) gives one T for all; its standard error, after ±, \
+                comes from the distance of the energies from the line.";
     let section = Chapter::new("Energy after n intruders");
     Some(section.text(text).table(table).line(Some(line)))
 }

@@ -64,15 +64,15 @@ impl BeadRow {
         let felt: usize = self.members.iter().map(|member| member.felt.len()).sum();
         let apart = (timeless > 0 && timeless < felt).then(|| {
             format!(
-                "{timeless} of {felt} strikes have no time by the host, as their boot was short or told no sample rate: \
-                 by their time they belong to no strike of another bead"
+                "{timeless} of {felt} strikes have no host time, as their boot was short or sent no sample rate: \
+                 they are matched by number, and only with one another"
             )
         });
         let of = |(place, member): (usize, &RowBead)| {
             let felt = self.strikes.iter().filter(|strike| strike[place].is_some());
             let (bead, felt) = (member.bead, felt.count());
             (felt < all).then(|| match felt {
-                0 => format!("bead {bead} never saw a strike: what its intruder took is the simulation's"),
+                0 => format!("bead {bead} never saw a strike: its intruder's energy is the simulation's"),
                 _ => format!("bead {bead} has {felt} of {all} strikes"),
             })
         };

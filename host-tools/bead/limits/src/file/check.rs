@@ -17,8 +17,8 @@ impl FileText {
     /// The limits, if each of them is valid.
     pub(super) fn checked(self) -> Result<Limits, InputError> {
         if self.limit.is_empty() {
-            let advice = "add a [[limit]], such as quantity = \"peak_force\" with max = 10.0; `bead judge --template` shows all";
-            return Err(InputError::at("", "no limit is in it", advice));
+            let advice = "add a [[limit]], such as quantity = \"peak_force\" with max = 10.0; `bead judge --template` shows all keys";
+            return Err(InputError::at("", "the file has no limit", advice));
         }
         let (rule, strikes) = (self.rule, self.strikes.unwrap_or(1));
         let limits = (1..)
@@ -45,7 +45,7 @@ impl LimitText {
             (Quantity::Srs, Some(points)) => Some(self.checked_mask(number, points)?),
             (Quantity::Srs, None) => {
                 let advice = "give mask = [{ frequency = 500, max = 300 }, { frequency = 5000, max = 900 }], in Hz and m/s²";
-                return refused("mask", "a limit on srs has a mask, and this one has none", advice);
+                return refused("mask", "a limit on srs needs a mask", advice);
             }
             (_, Some(_)) => {
                 let advice = "give min or max, or quantity = \"srs\"";
@@ -55,8 +55,8 @@ impl LimitText {
         };
         if mask.is_some() && interval != Interval::default() {
             let key = if self.min.is_some() { "min" } else { "max" };
-            let advice = "write it into each point of the mask";
-            return refused(key, "the limits of srs stand in its mask", advice);
+            let advice = "give it in each point of the mask";
+            return refused(key, "the limits of srs belong in its mask", advice);
         }
         let of_mask = [
             ("response", self.response.is_some()),
@@ -65,7 +65,11 @@ impl LimitText {
             ("unit", self.unit.is_some()),
         ];
         if let Some((key, _)) = of_mask.iter().find(|(_, given)| *given && mask.is_none()) {
-            return refused(key, "only srs has it", "leave it out; values are in SI units");
+            return refused(
+                key,
+                "only a limit on srs has this key",
+                "leave it out; values are in SI units",
+            );
         }
         if mask.is_none() {
             check(&at, interval)?;
@@ -87,9 +91,9 @@ impl LimitText {
             return scalar.map(Quantity::Drift).ok_or_else(|| {
                 let names = Scalar::ALL.map(Scalar::name).join(", ");
                 let what = if self.quantity == DRIFT {
-                    format!("`{}` is no value of a strike", shortened(of))
+                    format!("`{}` is not a value of a strike", shortened(of))
                 } else {
-                    "only a drift is of a value".to_owned()
+                    "only a limit on drift has this key".to_owned()
                 };
                 InputError::at(
                     at("of"),
@@ -103,7 +107,7 @@ impl LimitText {
             ROW_SHARE => Ok(Quantity::RowShare),
             SRS => Ok(Quantity::Srs),
             name => Scalar::named(name).map(Quantity::Scalar).ok_or_else(|| {
-                let what = format!("`{}` is no quantity", shortened(name));
+                let what = format!("`{}` is not a quantity", shortened(name));
                 InputError::at(at("quantity"), what, format!("give one of {}", Quantity::names()))
             }),
         }
@@ -114,7 +118,7 @@ impl LimitText {
         let refused = |key: String, what: &str, advice: &str| Err(InputError::at(key, what, advice));
         let own = |key: &str| format!("limit[{number}].{key}");
         if points.len() < 2 {
-            let advice = "give two points or more, between which the limit runs straight over logarithms";
+            let advice = "give two points or more; between them the limit is a straight line over logarithms";
             return refused(own("mask"), "it has fewer than two points", advice);
         }
         let mut checked: Vec<MaskPoint> = Vec::new();
@@ -132,15 +136,15 @@ impl LimitText {
             check(&|key: &str| at(place, key), limits)?;
             for (key, limit) in [("min", limits.min), ("max", limits.max)] {
                 if limit.is_some_and(|limit| limit <= 0.0) {
-                    let what = "a limit of a spectrum is above 0";
+                    let what = "a limit of a spectrum must be above 0";
                     return refused(at(place, key), what, "give more than 0");
                 }
             }
             let sides = |limits: Interval| (limits.min.is_some(), limits.max.is_some());
             let differs = |last: &MaskPoint| sides(last.limits) != sides(limits);
             if checked.last().is_some_and(differs) {
-                let advice = "give every point the same of min and max, or write two limits";
-                let what = "it has other limits than the point before";
+                let advice = "give every point the same keys (min, max or both), or write two limits";
+                let what = "this point has other limits than the point before";
                 return refused(at(place, "frequency"), what, advice);
             }
             checked.push(MaskPoint {
@@ -150,13 +154,13 @@ impl LimitText {
         }
         let quality = self.quality.unwrap_or(QUALITY);
         if !(quality > 0.5 && quality <= 1e6) {
-            let what = format!("{quality} is no quality of an oscillator");
-            let advice = "give a number above 0.5, such as 10 (5 % of critical damping)";
+            let what = format!("{quality} is not a quality of an oscillator");
+            let advice = "give a number above 0.5, at most 1e6, such as 10 (5 % of critical damping)";
             return refused(own("quality"), &what, advice);
         }
         let per_octave = self.per_octave.unwrap_or(PER_OCTAVE);
         if !(1..=96).contains(&per_octave) {
-            let what = format!("{per_octave} frequencies in an octave");
+            let what = format!("{per_octave} frequencies in an octave are out of range");
             return refused(own("per_octave"), &what, "give 1 to 96");
         }
         let response = match self.response.unwrap_or(ResponseName::AbsoluteAcceleration) {
@@ -185,7 +189,7 @@ fn check(at: &dyn Fn(&str) -> String, limits: Interval) -> Result<(), InputError
         if limit.is_some_and(|limit| !limit.is_finite()) {
             return Err(InputError::at(
                 at(key),
-                "it is no finite number",
+                "it is not a finite number",
                 "give a number in SI units, or leave it out",
             ));
         }

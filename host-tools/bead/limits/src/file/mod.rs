@@ -51,21 +51,21 @@ mod tests {
 
     /// Keys of a limit, with `; ` between them, and the refusal of each file with such a limit.
     const REFUSALS: &str = r#"
-quantity = "peak_forse"; max = 1.0 | 2: limit[1].quantity: `peak_forse` is no quantity; give one of
+quantity = "peak_forse"; max = 1.0 | 2: limit[1].quantity: `peak_forse` is not a quantity; give one of
 quantity = "ratio" | limit[1]
 quantity = "ratio"; maximum = 1.0 | 3: limit[1].maximum: unknown key
-quantity = "ratio"; max = nan | 3: limit[1].max: it is no finite number
+quantity = "ratio"; max = nan | 3: limit[1].max: it is not a finite number
 quantity = "ratio"; min = 2.0; max = 1.0 | 3: limit[1].min: min 2 is above max 1
-quantity = "srs"; max = 1.0 | limit[1].mask: a limit on srs has a mask, and this one has none
+quantity = "srs"; max = 1.0 | limit[1].mask: a limit on srs needs a mask
 quantity = "srs"; mask = [{ max = 3.0 }, { frequency = 9.0, max = 1.0 }] | the key `frequency` is missing
 quantity = "srs"; mask = [{ frequency = 9.0, max = 1.0 }] | limit[1].mask: it has fewer than two points
 quantity = "srs"; mask = [{ frequency = 9, max = 1 }, { frequency = 9, max = 1 }] | limit[1].mask[2].frequency: 9 Hz is not above 0 and above the point before
-quantity = "srs"; mask = [{ frequency = 9, max = 1 }, { frequency = 10, min = 1 }] | limit[1].mask[2].frequency: it has other limits than the point before
+quantity = "srs"; mask = [{ frequency = 9, max = 1 }, { frequency = 10, min = 1 }] | limit[1].mask[2].frequency: this point has other limits than the point before
 quantity = "srs"; mask = [{ frequency = 9.0 }, { frequency = 10.0, min = 1.0 }] | limit[1].mask[1]
-quantity = "srs"; quality = 0.5; mask = [{ frequency = 9, max = 1 }, { frequency = 10, max = 1 }] | limit[1].quality: 0.5 is no quality
-quantity = "ratio"; max = 1.0; quality = 10.0 | limit[1].quality: only srs has it
-quantity = "ratio"; max = 1.0; of = "ratio" | limit[1].of: only a drift is of a value
-quantity = "drift"; max = 1.0; of = "srs" | limit[1].of: `srs` is no value of a strike
+quantity = "srs"; quality = 0.5; mask = [{ frequency = 9, max = 1 }, { frequency = 10, max = 1 }] | limit[1].quality: 0.5 is not a quality
+quantity = "ratio"; max = 1.0; quality = 10.0 | limit[1].quality: only a limit on srs has this key
+quantity = "ratio"; max = 1.0; of = "ratio" | limit[1].of: only a limit on drift has this key
+quantity = "drift"; max = 1.0; of = "srs" | limit[1].of: `srs` is not a value of a strike
 quantity = "ratio"; max = 1.0; beads = [300] | limit[1].beads"#;
 
     #[test]
@@ -74,7 +74,7 @@ quantity = "ratio"; max = 1.0; beads = [300] | limit[1].beads"#;
             let (limit, refusal) = line.split_once(" | ").unwrap();
             (format!("[[limit]]\n{}", limit.replace("; ", "\n")), refusal)
         });
-        let none = (String::new(), "1: no limit is in it; add a [[limit]]");
+        let none = (String::new(), "1: the file has no limit; add a [[limit]]");
         let rule = "rule = \"guarded\"\n[[limit]]\nquantity = \"ratio\"\nmax = 1.0";
         for (text, expected) in refusals.chain([none, (rule.to_owned(), "1: rule")]) {
             let refused = Limits::parse(&text, "l.toml").unwrap_err().to_string();

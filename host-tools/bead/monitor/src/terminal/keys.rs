@@ -8,8 +8,8 @@ use crate::model::SharedMonitor;
 /// Greatest number of characters of a note that is typed: key, `=` and text.
 const TYPED_MOST: usize = 1000;
 /// The reason why a followed recording takes neither notes nor requests.
-const ONLY_FOLLOWED: &str = "this recording is another program's: it takes notes by `bead note` when it is complete, and requests \
-     by `bead command`";
+const ONLY_FOLLOWED: &str = "another program writes this recording: add notes with `bead note` when it is \
+                             complete, and send requests with `bead command`";
 
 /// The choices that were made by keys.
 #[derive(Debug, Default)]

@@ -255,7 +255,7 @@ fn strike_lines(content: &Content, shown: Option<&Arc<ShownStrike>>, look: Look)
 
 fn draw_curves(frame: &mut Frame<'_>, area: Rect, curves: Option<&Curves>, look: Look) {
     let Some(curves) = curves else {
-        let why = "no curves: settings or samples of this strike have not come";
+        let why = "no curves: settings or samples of this strike have not arrived";
         return frame.render_widget(Paragraph::new(why), area);
     };
     let thirds = Layout::horizontal([Constraint::Fill(1); 3]).areas::<3>(area);

@@ -193,7 +193,7 @@ fn recorded_twice(one: &[Vec<Fitted>], other: &[Vec<Fitted>]) -> Option<String> 
         others.any(|other| boot(other) == boot(fitted))
     })?;
     Some(format!(
-        "{} and {} are of the same run of bead {}; give recordings of beads that differ, or one alone",
+        "{} and {} are of the same run of bead {}; give recordings of different beads, or only one of these",
         place.recording.display(),
         other.first()?.first()?.0.recording.display(),
         place.address
@@ -213,7 +213,7 @@ fn nothing_in_common(base: &Segment, reference: &RecordedBoot, recording: &[Vec<
     );
     match same {
         Some(uid) => format!(
-            "{files} are both of the bead with UID {}; give recordings of beads that differ, or one alone",
+            "{files} are both of the bead with UID {}; give recordings of different beads, or only one of these",
             hex(&uid)
         ),
         None => format!(

@@ -37,19 +37,19 @@ pub fn add_notes(path: &Path, notes: &[Note]) -> Result<(), RecordingError> {
     let shown = path.display();
     if recording.state != State::Whole {
         return Err(RecordingError::Unfit(format!(
-            "{shown} is cut short or damaged, and gets no note; make a whole recording of it, which keeps its notes, and note \
-             it there: bead recover {shown}"
+            "{shown} is cut short or damaged, so it cannot get a note; recover it, which keeps its notes, and add the note \
+             to the new recording: bead recover {shown}"
         )));
     }
     let has = recording.about.remarks.len();
     if has + notes.len() > NOTES_MOST {
         return Err(RecordingError::Unfit(format!(
-            "{shown} has {has} notes, and {NOTES_MOST} are the most; note the name of a file that has the rest"
+            "{shown} has {has} notes and can have at most {NOTES_MOST}; put the rest in a file and note the file's name"
         )));
     }
     let tail = Tail::read(&file).map_err(|why| {
         RecordingError::Unfit(format!(
-            "{shown}: its end is not as a recorder leaves it ({why}); make it anew: bead recover {shown}"
+            "{shown} does not end as a recorder leaves it ({why}); rebuild it: bead recover {shown}"
         ))
     })?;
     let written = Target::new(&place).replacing(true).write(|out| {
@@ -77,7 +77,7 @@ fn locked(path: &Path) -> Result<File, RecordingError> {
         }
         if begun.elapsed() > PATIENCE {
             return Err(RecordingError::Unfit(format!(
-                "{} is being written by another program; note it when that has ended",
+                "{} is being written by another program; add the note when that program has ended",
                 path.display()
             )));
         }
@@ -228,6 +228,6 @@ mod tests {
         let many = vec![note("x=1"); NOTES_MOST - 7];
         add_notes(&path, &many).unwrap();
         let refused = add_notes(&path, &[note("x=1")]).unwrap_err().to_string();
-        assert!(refused.contains("1000 are the most"), "{refused}");
+        assert!(refused.contains("at most 1000"), "{refused}");
     }
 }

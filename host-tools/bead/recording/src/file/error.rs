@@ -29,8 +29,8 @@ pub enum RecordingError {
     NotMcap(PathBuf),
     /// The MCAP file has no frames of a bead. The text names its channels and its writer.
     #[error(
-        "{0} is an MCAP file with {1}, and has no channel `frames` of a bead; give one made by `bead record` or \
-         `bead emulate`"
+        "{0} is an MCAP file with {1}, but has no channel `frames` of a bead; give a recording made by \
+         `bead record` or `bead emulate`"
     )]
     NotOurs(PathBuf, String),
     /// The file cannot be written as MCAP, or is not a recording with the requested content. The text is the

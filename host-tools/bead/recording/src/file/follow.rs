@@ -56,8 +56,8 @@ impl Follower {
             let failed = |why: String| {
                 let shown = self.path.display();
                 RecordingError::Unfit(format!(
-                    "{shown} cannot be followed further ({why}); give a recording (.mcap.partial while it is written), or \
-                     read what is sound of it: bead recover {shown}"
+                    "{shown} cannot be followed further ({why}); give a recording (.mcap.partial while it is being \
+                     written), or recover its undamaged part: bead recover {shown}"
                 ))
             };
             match self.reader.next_event() {

@@ -41,23 +41,23 @@ impl Note {
     pub fn parse(text: &str) -> Result<Self, String> {
         let (key, value) = text
             .split_once('=')
-            .ok_or_else(|| format!("{text:?} is no note; give KEY=VALUE, such as operator=Ana"))?;
+            .ok_or_else(|| format!("{text:?} is not a note; give KEY=VALUE, such as operator=Ana"))?;
         let (key, value) = (key.trim(), value.trim());
         let is_key = |letter: char| letter.is_alphanumeric() || matches!(letter, '_' | '-' | '.');
         if key.is_empty() || key.chars().count() > KEY_MOST || !key.chars().all(is_key) {
             return Err(format!(
-                "{:?} is no key of a note; give up to {KEY_MOST} letters, digits, _, - and ., such as specimen",
+                "{:?} cannot be the key of a note; give up to {KEY_MOST} letters, digits, _, - and ., such as specimen",
                 beginning(key, KEY_MOST)
             ));
         }
         if value.chars().count() > VALUE_MOST {
             return Err(format!(
-                "the note {key} is longer than {VALUE_MOST} characters; note the name of a file that has it"
+                "the note {key} is longer than {VALUE_MOST} characters; put the text in a file and note the file's name"
             ));
         }
         if one_line(value) != value {
             return Err(format!(
-                "the note {key} holds control characters or line ends; give one line of text"
+                "the note {key} contains control characters or line breaks; give one line of text"
             ));
         }
         Ok(Self {

@@ -163,7 +163,7 @@ impl Recording {
         let runs = self.runs;
         match &self.state {
             State::CutShort { runs_whole: false } => Some(format!(
-                "the recording is cut short, and what came after its {runs} frames is gone"
+                "the recording is cut short: what came after its {runs} frames is lost"
             )),
             State::Damaged(what) => Some(format!("the recording is damaged ({what})")),
             State::Whole | State::CutShort { .. } => {
@@ -171,7 +171,7 @@ impl Recording {
                 let lacks = how != WHOLE && how != CUT_IN_INDEX;
                 lacks.then(|| {
                     format!(
-                        "it was recovered from a recording that lacks something: {}",
+                        "it was recovered from a recording with missing or damaged data: {}",
                         one_line(how)
                     )
                 })
@@ -188,7 +188,7 @@ impl Recording {
                 "recording is cut short in its index; all {runs} frames are there"
             )),
             State::CutShort { runs_whole: false } => Some(format!(
-                "recording is cut short: {runs} frames before the cut are read, those after it are gone"
+                "recording is cut short: {runs} frames before the cut are read, and those after it are lost"
             )),
             State::Damaged(what) => Some(format!(
                 "recording is damaged ({what}): {runs} frames are read, {}; each frame is still checked by its own \

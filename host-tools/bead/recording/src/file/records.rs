@@ -166,7 +166,7 @@ impl Records {
             compression: None,
         };
         if !is_begun {
-            records.damage.note("the beginning is not a recording's");
+            records.damage.note("the file does not begin like a recording");
             records
                 .resume(MAGIC.len() as u64)
                 .map_err(RecordingError::refused("read", path))?;
@@ -231,7 +231,7 @@ impl Records {
                 self.end()
             }
             RecordStep::Failed(_) if self.has_footer => {
-                self.damage.note("the end is not a recording's");
+                self.damage.note("the file does not end like a recording");
                 self.end()
             }
             RecordStep::Failed(_) => self.search(self.at, true, contents),
@@ -240,7 +240,7 @@ impl Records {
                     self.damage.note("bytes follow the end of the recording");
                 }
                 if !self.has_data_end {
-                    self.damage.note("the end of the data is missing");
+                    self.damage.note("the mark at the end of the data is missing");
                 }
                 self.end()
             }

@@ -131,7 +131,7 @@ impl RecordingWriter {
     pub fn note(&mut self, note: &Note) -> Result<(), RecordingError> {
         if self.about.remarks.len() >= NOTES_MOST {
             return Err(RecordingError::Unfit(format!(
-                "the recording has {NOTES_MOST} notes, which are the most"
+                "the recording has {NOTES_MOST} notes and cannot have more"
             )));
         }
         self.about.remarks.push(note.clone());

@@ -7,9 +7,9 @@ use hertz_chain::InputError;
 use crate::physical::values::{shown, value};
 
 const CHECK: &str = "check the masses, springs and scales, which are in SI units";
-const RELAXATION: &str = "give 0 for an elastic contact, or more, in s";
+const RELAXATION: &str = "give 0 for an elastic contact, or a time in s within that range";
 const TEXT: &str = "give up to 16 bytes of text without control characters";
-const UNIT: &str = "give what a code is worth, in the SI unit";
+const UNIT: &str = "give the value of one code in the SI unit";
 
 /// The message for a setting of `description` that is outside its bound.
 pub fn refusal(description: &Description, violation: Violation) -> InputError {
@@ -29,19 +29,19 @@ pub fn refusal(description: &Description, violation: Violation) -> InputError {
         Bound::BelowHost => out_of_range("give a value that is 0 or more, and below the host's"),
         Bound::Range { least, most } => out_of_range(&format!("give a value that is from {least} to {most}")),
         Bound::OneBead => at("255 is the address of every bead".to_owned(), "give 0 to 254"),
-        Bound::Text => at("this is no name".to_owned(), TEXT),
+        Bound::Text => at("this text is not allowed".to_owned(), TEXT),
         Bound::Places => {
-            is("give the places of those with an intruder, each once: 123456, 13, or 0 for none")
+            is("give the places of the beads with an intruder, each once: 123456, 13, or 0 for none")
         }
         Bound::Place => is("give 1 to 6, or 0 for no wall"),
-        Bound::NotLight => is("give six masses in kg, of beads at least a quarter as large"),
+        Bound::NotLight => is("give six masses in kg, of beads at least a quarter as large as this one"),
         Bound::Flag => {
             let what = format!("{value} is neither 0 nor 1");
-            at(what, "give 1 if there are other intruders near by")
+            at(what, "give 1 if there are other intruders nearby, else 0")
         }
         Bound::Width { samples } => {
             let what = format!(
-                "a wave of 1 m/s is {samples:.2} samples wide, and {LEAST_WIDTH} at least can be measured"
+                "a wave of 1 m/s is {samples:.2} samples wide, but must be at least {LEAST_WIDTH} to be measured"
             );
             // It follows from the whole bead.
             InputError::at("bead", what, "take a larger or a softer sphere")
@@ -52,7 +52,7 @@ pub fn refusal(description: &Description, violation: Violation) -> InputError {
             range: [least, most],
         } => {
             let what = format!(
-                "{}: {value:.3e} in the units of the sample rate, and {least:.1e} to {most:.1e} can be computed with",
+                "{}: {value:.3e} in units of the sample rate is outside the usable range, {least:.1e} to {most:.1e}",
                 name(coefficient)
             );
             at(
@@ -65,7 +65,7 @@ pub fn refusal(description: &Description, violation: Violation) -> InputError {
             )
         }
         Bound::Unit { range: [least, most] } => {
-            let what = format!("{value}, and {least:.1e} to {most:.1e} can be computed with");
+            let what = format!("{value} is outside the usable range, {least:.1e} to {most:.1e}");
             at(what, UNIT)
         }
         Bound::Pole => {
@@ -77,8 +77,8 @@ pub fn refusal(description: &Description, violation: Violation) -> InputError {
         Bound::LongWindow | Bound::ShortWindow => is("give more than capture.history, and up to 10.24e-3 s"),
         Bound::Lookback => is("give more than 0, and less than capture.history, in s"),
         Bound::AfterCalibration => is("give a day that is not before uncertainty.calibrated"),
-        Bound::Correlations => is("give three that one ring-down can have, from -1 to 1"),
-        Bound::Codes | Bound::AboveNoise => is("give N, and check force.per_code and force.noise"),
+        Bound::Correlations => is("give three correlations that one ring-down can have, from -1 to 1"),
+        Bound::Codes | Bound::AboveNoise => is("give a force in N, and check force.per_code and force.noise"),
     }
 }
 
@@ -99,11 +99,11 @@ fn name(coefficient: Coefficient) -> &'static str {
         Coefficient::EnergyByAcceleration => "energy by acceleration",
         Coefficient::Contact => "stiffness of the contacts",
         Coefficient::Relaxation => "relaxation time of the contacts over 2/3 of a sample",
-        Coefficient::Incoming => "acceleration of the host by a newton",
+        Coefficient::Incoming => "acceleration of the host per newton",
         Coefficient::Stiffness => "stiffness of the intruder's springs",
         Coefficient::Damping => "damping of the intruder",
         Coefficient::Intruder => "mass of the intruder over that of the host without it",
-        Coefficient::Host => "mass of the bead over that of the host without intruder, less one,",
+        Coefficient::Host => "mass of the bead over that of the host without intruder, less one",
         Coefficient::EnergyByVelocity => "energy by velocity",
         Coefficient::Incident => "energy of the incident wave",
         Coefficient::RingFrequency => "frequency of the ringing",

@@ -55,7 +55,7 @@ pub fn derived(description: &Description) -> Result<Settings, InputError> {
         Capture::default().sample_rate_hz,
     );
     if rate != of_image {
-        let what = format!("{rate} Hz, and the image samples at {of_image} Hz alone");
+        let what = format!("{rate} Hz, but the image samples only at {of_image} Hz");
         let advice = format!("give {of_image}, or leave it out");
         return Err(InputError::at(SettingKey::SampleRate.path(), what, advice));
     }
@@ -70,7 +70,7 @@ pub fn set(description: &mut Description, assignment: &str) -> Result<(), InputE
     let (name, text) = assignment.split_once('=').ok_or_else(|| {
         InputError::at(
             "",
-            format!("`{assignment}` sets nothing"),
+            format!("`{assignment}` sets no key"),
             "write KEY=VALUE, such as name=left or k=3.9e5",
         )
     })?;
@@ -98,7 +98,7 @@ pub fn set(description: &mut Description, assignment: &str) -> Result<(), InputE
         };
         InputError::at(
             row.path(),
-            format!("`{text}` is no value of it"),
+            format!("`{text}` is not a value of this key"),
             format!("give {}{unit}", kind(row.key)),
         )
     })?;
@@ -122,8 +122,8 @@ pub fn changes(before: &Description, after: &Description) -> Vec<Change> {
 /// The text of a file with every key explained.
 pub fn to_toml(description: &Description) -> String {
     let mut text = String::from(
-        "# A bead in physical quantities, SI units. `bead settings make` makes its settings of it,\n\
-         # `bead settings write` gives them to the bead.\n\n",
+        "# A bead in physical quantities, SI units. `bead settings make` makes settings from this file,\n\
+         # `bead settings write` writes them to the bead.\n\n",
     );
     let mut table = "";
     // A struct of numbers and texts is always JSON.
@@ -297,16 +297,16 @@ mod tests {
         history = 0.0016 | history = 0.01 | capture.history: 0.01 is longer than 256 samples; give 1.28e-3 to 2.56e-3 s
         length = 0.00672 | length = 1e-3 | capture.length: 0.001 is not longer than the history; give more than
         lookback = 5e-4 | lookback = 0.5 | capture.lookback: 0.5 is not between 0 and the history; give more than 0,
-        threshold = 0.1 | threshold = 1e-3 | capture.threshold: 0.001 is not a rise of 1 to 4095 codes; give N
-        sample_rate = 100000 | sample_rate = 1 | capture.sample_rate: 1 Hz, and the image samples at 100000 Hz alone;
-        sample_rate = 100000 | sample_rate = 99999 | capture.sample_rate: 99999 Hz, and
+        threshold = 0.1 | threshold = 1e-3 | capture.threshold: 0.001 is not a rise of 1 to 4095 codes; give a force in N
+        sample_rate = 100000 | sample_rate = 1 | capture.sample_rate: 1 Hz, but the image samples only at 100000 Hz;
+        sample_rate = 100000 | sample_rate = 99999 | capture.sample_rate: 99999 Hz, but
         relaxation = 4.2e-6 | relaxation = 1e-12 | contact.relaxation: relaxation time of the contacts over 2/3 of a
         ring_frequency_tolerance = 0.03 | ring_frequency_tolerance = 0 | capture.ring_frequency_tolerance: 0 is out of
         ring_decay_tolerance = 0.3 | ring_decay_tolerance = -0.25 | capture.ring_decay_tolerance: -0.25 is out of
         disagreement = 0.03 | disagreement = 0 | capture.disagreement: 0 is out of range; give a value that is from
         stiffness = 395000.0 | stiffness = 1e12 | intruder.stiffness: stiffness of the intruder's springs:
         voltage = 3.2985 | voltage = 33 | supply.voltage: 33 is out of range; give a value that is from 1.8 to 3.6
-        per_code = 0.00390625 | per_code = 1e3 | force.per_code: 1000, and 4.7e-6 to 2.0e0 can be computed with; give
+        per_code = 0.00390625 | per_code = 1e3 | force.per_code: 1000 is outside the usable range, 4.7e-6 to 2.0e0; give
         force_gain = 0.005 | force_gain = 0 | uncertainty.force_gain: 0 is out of range; give a value that is from 0.000001
         force_gain = 0.005 | force_gain = 5 | uncertainty.force_gain: 5 is out of range; give a value that is from 0.000001
         valid_until = \"2027-11-24\" | valid_until = \"2026-11-23\" | uncertainty.valid_until: \"2026-11-23\" is before the

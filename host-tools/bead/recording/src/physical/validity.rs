@@ -16,12 +16,12 @@ pub fn calibration_doubt(description: &Description, on: Day) -> Option<String> {
         name => format!("the calibration {name}"),
     };
     let later = stated.calibrated.filter(|day| *day > on).map(|day| {
-        format!("{name} is of {day}, which is after {on}; check uncertainty.calibrated and the clock")
+        format!("{name} is dated {day}, which is after {on}; check uncertainty.calibrated and the clock")
     });
     let expired = || {
         let day = stated.valid_until.filter(|day| *day < on)?;
         Some(format!(
-            "{name} expired on {day}, before {on}: its uncertainties are used as they stand; calibrate the bead again"
+            "{name} expired on {day}, before {on}: its uncertainties are used unchanged; calibrate the bead again"
         ))
     };
     later.or_else(expired)
@@ -48,7 +48,7 @@ mod tests {
         for (on, expected) in [
             (
                 "2026-01-30",
-                "the calibration is of 2026-01-31, which is after 2026-01-30;",
+                "the calibration is dated 2026-01-31, which is after 2026-01-30;",
             ),
             ("2026-01-31", ""),
             ("2027-01-31", ""),

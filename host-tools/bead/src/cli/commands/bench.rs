@@ -15,14 +15,14 @@ use bead_recording::json::SCHEMA_VERSION;
 const AFTER_HELP: &str = "\
 Two jumper wires lead from the board's outputs to its inputs, PA4 to PA0 and PA5 to PA2; no sensor is \
 connected. The bead plays levels and made-up strikes to itself, and each check says what was seen, what was \
-expected, and whether that is the same. docs/bench.md draws the wires.
+expected, and whether the two agree. docs/bench.md draws the wires.
 
 The wide channels, PA1 and PA3, may stay open. A divider of 15 kΩ from the output and 1 kΩ to ground gives \
 them a sixteenth of it: PA4 to PA1, PA5 to PA3.
 
-The bead is reset four times and its settings are written twice; --no-resets leaves that out. It ends with \
-those that it had. With --out \
-the result is a file that can be sent: board, date, checksum of the image, and all numbers.
+The bead is reset four times and its settings are written twice; --no-resets leaves that out. \
+Afterwards it has its own settings again. --out also writes the result to a file that you can send: board, date, \
+checksum of the image, and all numbers.
 
 Exit status 1 if a check fails, 3 if the bead does not answer.
 
@@ -46,7 +46,7 @@ pub(crate) struct Arguments {
     /// Number of requests that have to be answered.
     #[arg(long, value_name = "N", default_value_t = 10_000, value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
     requests: u32,
-    /// Do not reset the bead, nor write its settings: leave out what needs that.
+    /// Do not reset the bead or write its settings: leave out the checks that need this.
     #[arg(long)]
     no_resets: bool,
     /// Keep the result in this file, as JSON.
@@ -60,8 +60,8 @@ pub(crate) struct Arguments {
 }
 
 /// State of a bead that was left in the middle of the check of settings.
-const LEFT: &str = "the bead may hold a threshold 1.25 times its own: `bead settings read` shows it, and `write` or \
-                    `erase` gives back yours";
+const LEFT: &str = "the bead may still have a threshold 1.25 times its own: `bead settings read` shows it; `bead \
+                    settings write` restores yours, and `bead settings reset` the built-in ones or those of a probe";
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let image = find_image(arguments.firmware.as_deref())?;
@@ -97,7 +97,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     kept.transpose()?;
     ended?;
     if (given.stop)() {
-        bail!(Verdict, "interrupted; the bead has its own settings");
+        bail!(Verdict, "interrupted; the bead has its own settings again");
     }
     let failed: Vec<_> = report.failed().map(|row| &*row.check).collect();
     if failed.is_empty() {

@@ -11,13 +11,14 @@ use bead_compare::budget::{BeadRatio, BudgetTables, StrikeBudget, ratios};
 use bead_recording::physical::calibration_doubt;
 
 const AFTER_HELP: &str = "\
-A budget as the GUM has it (JCGM 100), for A, B and their difference: every input with its standard uncertainty, \
+A budget by the GUM (JCGM 100), for A, B and their difference: every input with its standard uncertainty, \
 and its part in the result. Sensitivities are those of this strike: each input is moved in the settings, and the \
-recorded codes run through the bead's code again. The quiet before the strike gives the noise (type A). What the \
-settings state gives the rest; what they do not state is named, and is missing in U.
+recorded codes are run through the bead's code again. The quiet before the strike gives the noise (type A). The \
+settings state the other uncertainties; those that they do not state are named, and are missing from U.
 
 --monte-carlo draws all inputs through the bead's code instead (JCGM 101) and says whether the linear budget holds. \
-Of several beads, each strike's ratio to the first bead follows: what both share cancels there.
+For several beads, the ratios of their energies to those of the first bead follow: uncertainties that both \
+beads share cancel there.
 
 Examples:
   bead budget run/bead-8.mcap
@@ -35,10 +36,10 @@ pub(crate) struct Arguments {
     /// Take the uncertainties that these settings state in place of those in the recording.
     #[arg(long, value_name = "F.toml|F.settings")]
     uncertainty: Option<PathBuf>,
-    /// Draw this many times through the bead's code, 1000 at least.
+    /// Draw the inputs this many times through the bead's code, at least 1000.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1000..=10_000_000))]
     monte_carlo: Option<u32>,
-    /// Write the budget as an HTML page, too.
+    /// Also write the budget as an HTML page.
     #[arg(long, value_name = "F.html")]
     page: Option<PathBuf>,
     #[command(flatten)]
@@ -82,7 +83,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             let (number, flags) = (strike.said.strike, doubts.names().collect::<Vec<_>>().join(", "));
             progress.suspend(|| {
                 note!(
-                    "strike {number} is flagged: {flags}; no uncertainty here holds an error that these name"
+                    "strike {number} is flagged: {flags}; the budget does not include the errors behind these flags"
                 );
             });
         }
@@ -93,7 +94,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         return Err(match arguments.strike {
             Some(strike) => failure!(
                 Input,
-                "--strike {strike}: no bead of {} has so many strikes, counted from 0",
+                "--strike {strike}: no bead of {} has a strike with this number, counted from 0",
                 received.path.display()
             ),
             None => no_strike(&received),

@@ -6,8 +6,8 @@ use crate::cli::commands::prelude::*;
 use bead_recording::clock::{ClockComparison, RecordedBoot, compare};
 
 const AFTER_HELP: &str = "\
-Drift is how fast a bead's clock is; below zero it is slow. Drift against the host comes from the receive \
-times of the recording: a minute gives it to some ppm, ten minutes to a tenth of a ppm, as far as delays \
+Drift is the rate at which a bead's clock gains; below zero it loses. Drift against the host comes from the \
+receive times of the recording: a minute gives it to a few ppm, ten minutes to a tenth of a ppm, as far as delays \
 allow. With several recordings, beads whose sync inputs saw the same edges are put on the time of the first \
 bead, to tens of ns. Their strikes are put on that time too.
 
@@ -42,7 +42,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 /// Text in place of the drift of a clock without one.
 pub(crate) fn times_as_fast(ppm: f64) -> String {
     format!(
-        "the bead's time passed {:.2} times as fast as the host's, so this tells nothing of its crystal (an emulated \
+        "the bead's time passed {:.2} times as fast as the host's, so this says nothing about its crystal (an emulated \
          bead keeps time with pace = 1.0 under [clock])",
         1.0 + ppm * 1e-6
     )
@@ -128,7 +128,7 @@ fn table(report: &ClockComparison) -> String {
             let rise = strike.rise_s.map_or("-".to_owned(), |rise| format!("{rise:.9}"));
             [named(&strike.place), strike.strike.to_string(), rise, arrival]
         });
-        let header = "strike at | number | half its force at s | highest at s";
+        let header = "strike at | number | half force at s | peak at s";
         parts.push(output::table(header, strikes));
     }
     parts.join("\n\n")

@@ -16,7 +16,7 @@ use bead_line::conversation::{Answer, LineError};
 use bead_tables::printable::one_line;
 
 const AFTER_HELP: &str = "\
-A bead goes on measuring while it is asked; a reboot excepted.
+A bead goes on measuring while it answers, except during a reboot.
 
 Exit status 1 if the bead refuses or a check of its self-test fails, 3 if it does not answer.
 
@@ -46,7 +46,7 @@ enum BeadAction {
     SelfTest(CommandOptions),
     /// Look for strikes, as a bead does after a reset.
     Arm(CommandOptions),
-    /// Look for no strikes until it is armed or reset.
+    /// Stop looking for strikes until the bead is armed or reset.
     Disarm(CommandOptions),
     /// Let the bead send every scan for a while, with or without a strike. About half of the scans fit the
     /// line.
@@ -62,12 +62,12 @@ enum BeadAction {
         #[command(flatten)]
         overwrite: Overwrite,
     },
-    /// Measure a window at a time, whatever the force does: a strike without a strike. It needs an armed
-    /// bead.
+    /// Measure a window at a given time, whatever the force does, as if a strike had triggered it. The bead
+    /// must be armed.
     Keep {
         #[command(flatten)]
         common: CommandOptions,
-        /// From now until the scan that counts as the one that triggers, s; at most 60.
+        /// Time from now to the scan that counts as the trigger, s; at most 60.
         #[arg(long, value_name = "SECONDS", default_value = "0.5", value_parser = output::seconds_of_a_day)]
         after: Duration,
     },
@@ -170,7 +170,7 @@ fn keep(common: &CommandOptions, after: Duration) -> Result<(), Failure> {
     let index = newest + (after.as_secs_f64() * f64::from(SAMPLE_RATE_HZ)).round() as u64;
     line.request_done(&Request::Keep { index })?;
     output::print(common.format, &Kept { index }, || {
-        format!("the window around sample {index} will be measured, as strike `triggered_on_request`")
+        format!("the window around sample {index} will be measured, with the flag `triggered_on_request`")
     })
 }
 
@@ -303,7 +303,7 @@ fn found(check: Check, value: u32) -> String {
         Check::Force | Check::Acceleration => {
             let standing: Vec<_> = Standing::from_bits(value as u8).names().collect();
             if standing.is_empty() {
-                "moves, off the rails".to_owned()
+                "moves, clear of the rails".to_owned()
             } else {
                 standing.join(", ")
             }

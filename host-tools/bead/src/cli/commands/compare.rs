@@ -64,7 +64,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     if row {
         bail!(
             Input,
-            "{} has several beads; say with --bead which one is held against the reference",
+            "{} has several beads; say with --bead which one to compare with the reference",
             received.path.display()
         );
     }
@@ -165,7 +165,7 @@ fn keep(received: &mut Recording, beads: &[usize]) -> Result<(), Failure> {
         let path = received.path.display();
         bail!(
             Input,
-            "{path}: bead {missing} is not in it; its beads are {places:?}"
+            "{path} has no bead {missing}; the beads in it are {places:?}"
         );
     }
     of_recording.retain(|bead| beads.contains(&bead.place()));

@@ -7,26 +7,26 @@ use bead_console::beads::BeadNumbers;
 const AFTER_HELP: &str = "\
 Goals: A within 0.2 % of the full chain, B within 0.5 %, replay identical, no frame lost, no overrun. \
 Several strikes are judged together: the mean by these goals, the scatter of A by 0.5 % and of B by 1 %, \
-each with its uncertainty. A strike alone has that of its own noise. A goal is missed where the deviation is \
-beyond it by more than its expanded uncertainty (JCGM 106, guarded rejection, 95 %). An emulated run must also leave a quarter of the core free while a strike is \
-measured. Exit status 1 if a goal is missed.
+each with its uncertainty. A single strike has the uncertainty of its own noise. A goal is missed if the deviation \
+exceeds it by more than the expanded uncertainty of the deviation (JCGM 106, guarded rejection, 95 %). An \
+emulated run must also leave a quarter of the core free while a strike is measured. Exit status 1 if a goal is \
+missed.
 
-How fast a striker was is rarely known to 0.1 %, and the energy goes with its square. --velocity fit finds \
-the velocity from the recorded force alone, prints it with its uncertainty, and judges A and B against the \
+The striker's velocity is rarely known to 0.1 %, and the energy goes with its square. --velocity fit finds \
+the velocity from nothing but the recorded force, prints it with its uncertainty, and judges A and B against the \
 chain at that velocity.
 
-What comes again before the striker hits anew, as beads that parted meet again, is an echo: it is replayed, \
-but not held against the chain. Of a recording of real beads it is what comes while a strike is simulated: the \
-scenario's duration and 6 ms.
+A wave that comes before the striker hits again, as beads that parted meet again, is an echo: it is replayed, \
+but not compared with the chain. In a recording of real beads, an echo is a wave within the simulated time of the \
+strike before it: the scenario's duration and 6 ms.
 
-Of a recording of several beads (`bead emulate --bead 7-16`, `bead record --port all`) all are compared with \
-one simulation:
-each by the goals above; when the wave came to each on the time of their sync edges, and how fast it went; \
-the energy E(n) that n intruders leave, and T, the part that each lets pass, by the beads' own A and B. \
+In a recording of several beads (`bead emulate --bead 7-16`, `bead record --port all`) all are compared with \
+one simulation: each bead by the goals above; the arrival of the wave at each, on the time of their sync edges, and \
+its speed; the energy E(n) that n intruders leave, and T, the part that each lets pass, by the beads' own A and B. \
 docs/row.md says how to read it.
 
-With --reference a strike is held against the record of another instrument instead, and not against the \
-chain: they are aligned, and correlation, gain, arrival, peak, energy and residual are printed \
+With --reference a strike is compared with the record of another instrument instead of the chain: the two are \
+aligned, and correlation, gain, arrival, peak, energy and residual are printed \
 (docs/waveforms.md). Exit status 1 if replay differs.
 
 Examples:
@@ -55,7 +55,7 @@ pub(crate) struct Arguments {
     /// forces.
     #[arg(long, value_name = "V|fit", value_parser = velocity)]
     pub(super) velocity: Option<Velocity>,
-    /// Hold a strike against the record of another instrument: a text table (CSV), WAV, Parquet, or a
+    /// Compare a strike with the record of another instrument: a text table (CSV), WAV, Parquet, or a
     /// recording.
     #[arg(long, value_name = "F", conflicts_with_all = ["scenario", "velocity", "figures"])]
     pub(super) reference: Option<PathBuf>,
@@ -103,6 +103,6 @@ fn velocity(text: &str) -> Result<Velocity, String> {
         "fit" => Ok(Velocity::Fit),
         _ => positive(text)
             .map(Velocity::Given)
-            .map_err(|_| "give m/s, above 0, or fit".to_owned()),
+            .map_err(|_| "give a velocity above 0, in m/s, or fit".to_owned()),
     }
 }

@@ -61,7 +61,7 @@ pub(super) fn run(
                 Input,
                 "--strike {wanted}: {path} has {all} strikes, counted from 0"
             ),
-            (_, None) => bail!(Input, "{path}: no strike of it is whole"),
+            (_, None) => bail!(Input, "{path} has no strike with all of its samples"),
         }
     };
     let others = arguments.strike.is_none() && strikes.next().is_some();
@@ -71,11 +71,11 @@ pub(super) fn run(
         note!("{of_reference}: {remark}");
     }
     if others {
-        note!("{path} has several strikes, and the first that is whole is compared; --strike chooses");
+        note!("{path} has several strikes; the first whole one is compared; --strike chooses another");
     }
     let mut quantities = [&against.force, &against.acceleration].into_iter().flatten();
     if quantities.any(|aligned| aligned.correlation.abs() < LITTLE) {
-        note!("the two have little in common: is it the same strike? --strike and --read strike=N choose");
+        note!("the two have little in common: is it the same strike? try --strike and --read strike=N");
     }
 
     let failure = replay(&strike).failure();

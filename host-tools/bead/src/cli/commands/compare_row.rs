@@ -28,7 +28,7 @@ pub(super) fn run(received: &Recording, arguments: &Arguments, page: Option<Targ
     let (places, mut notes) = among(received, &chain, Some(text));
     if places.is_empty() {
         let (path, why) = (received.path.display(), notes.join("; "));
-        bail!(Input, "{path}: none of its beads is of this scenario: {why}");
+        bail!(Input, "{path}: none of its beads belongs to this scenario: {why}");
     }
     let mut fitted = None;
     if arguments.velocity.is_some() {
@@ -85,7 +85,7 @@ fn length(row: &BeadRow, chain: &RowChain) -> Option<String> {
     let first = notes.next()?;
     Some(match notes.count() {
         0 => first,
-        more => format!("{first} (beads that are concerned: {})", more + 1),
+        more => format!("{first} (beads concerned: {})", more + 1),
     })
 }
 

@@ -63,7 +63,7 @@ pub(super) fn shown(fitted: &FittedVelocity) -> String {
 
 /// A note about echoes: their number, and their beads.
 pub(super) fn echoes_left_out(which: &str) -> String {
-    format!("echoes that are replayed, but not held against the chain, as a wave came again: {which}")
+    format!("echoes, which are replayed but not compared with the chain, as a wave came again: {which}")
 }
 
 /// A scenario that strikes are held against.
@@ -97,7 +97,7 @@ pub(super) fn scenario(given: Option<&Path>, received: &Recording) -> Result<Giv
         scenario.map(|scenario| (scenario, text))
     });
     let Some(path) = given else {
-        let missing = format!("{shown} carries no scenario; say what was struck with --scenario S.toml");
+        let missing = format!("{shown} carries no scenario; give the recorded one with --scenario S.toml");
         let (scenario, text) = carried.ok_or_else(|| Failure::input(missing))??;
         return Ok(GivenScenario {
             scenario,

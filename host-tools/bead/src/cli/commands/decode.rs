@@ -14,10 +14,10 @@ use bead_recording::frames::{Frame, Frames, Item, Piece};
 use bead_tables::printable::printable;
 
 const AFTER_HELP: &str = "\
-Fixed-point fields are shown in SI units, named in the key, with the bits beside them (…_raw). Of a \
-recording that has receive times each frame also has `received`, when this host got it, and `host_time`, \
-what this host's clock showed at the frame's sample index, by the fit of `bead clock`. Counts of what was \
-received, lost and refused go to standard error. Of several files each line has its `file`.
+Fixed-point fields are shown in SI units, named in the key, with the bits next to them (…_raw). In a \
+recording with receive times each frame also has `received`, the time at which this host received it, and \
+`host_time`, the time of this host's clock at the frame's sample index, by the fit of `bead clock`. Counts of \
+frames received, lost and refused go to standard error. With several files, each line names its `file`.
 
 Examples:
   bead decode run/bead-8.mcap --kind strike,status
@@ -39,7 +39,7 @@ fn kind(text: &str) -> Result<Kind, String> {
     let named = Kind::ALL.iter().find(|kind| kind.name() == text);
     named.copied().ok_or_else(|| {
         let names: Vec<_> = Kind::ALL.iter().map(|kind| kind.name()).collect();
-        format!("no frame is of this kind; the kinds are {}", names.join(", "))
+        format!("there is no such kind; the kinds are {}", names.join(", "))
     })
 }
 

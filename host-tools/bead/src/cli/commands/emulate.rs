@@ -40,28 +40,28 @@ use stm32f405_qemu::AnalogWire;
 
 const AFTER_HELP: &str = "\
 The image is the file that is flashed to a board. It gets the bead's settings in its flash sector and codes \
-at its converter. What it sends is decoded, replayed and compared with the full f64 chain. --out leaves the \
-recording DIR/bead-N.mcap for `bead decode`, `bead replay` and `bead compare`, and the image's settings \
-block DIR/bead-N.settings, which can be flashed to a board of this calibration at 0x0800C000.
+at its converter. Everything it sends is decoded, replayed and compared with the full f64 chain. --out writes \
+the recording DIR/bead-N.mcap for `bead decode`, `bead replay` and `bead compare`, and the image's settings \
+block DIR/bead-N.settings, which can be flashed at 0x0800C000 to a board with this calibration.
 
-With several beads (--bead 7-16, 7,9,12 or all) one strike is simulated, and each bead runs in a QEMU of its \
-own, as many at once as there are cores, with its own crystal, start, noise and address, on one time. Their \
-sync inputs are on one line. All stand in one recording, DIR/chain.mcap. The same command gives the same \
-bytes on any number of cores.
+With several beads (--bead 7-16, 7,9,12 or all) one strike is simulated, and each bead runs in its own QEMU \
+with its own crystal, start, noise and address, as many at once as there are cores. The beads share one time \
+and one sync line, and go into one recording, DIR/chain.mcap. The same command gives the same bytes on any \
+number of cores.
 
 --stimulus plays a waveform of your own instead of the scenario's strike: force, acceleration or both over \
 time, from a text table (CSV of an oscilloscope, a spreadsheet, a program), WAV, Parquet, or a recording. \
-The scenario then only says which bead it is. Each result stands beside what f64 estimates make of the \
-waveform: docs/waveforms.md.
+The scenario then only describes the bead. Each result is shown next to the f64 estimates of the waveform: \
+docs/waveforms.md.
 
-Tables of the scenario file say how beads differ from the reference: [front_end] has sensors (weak or \
+Tables of the scenario file describe how beads differ from the reference: [front_end] has sensors (weak or \
 strong), force_span, acceleration_span, wide_force_span, wide_acceleration_span, force_noise, \
 acceleration_noise, pole and noise (false for none); [clock] has ppm (of each crystal), spread, start_spread, \
-sync_period and shift, and pace, the seconds of the bead's time in one of this computer's for --listen. With \
---listen, [[analog_wire]] puts a wire from an output to an input in place of the sensors; inputs without one \
-are open. docs/front-end.md, docs/time.md and docs/bench.md explain them.
+sync_period, shift and, for --listen, pace: seconds of the bead's time per second of this computer's. With \
+--listen, [[analog_wire]] puts a wire from an output to an input in place of the sensors; inputs without a \
+wire are open. docs/front-end.md, docs/time.md and docs/bench.md explain them.
 
-QEMU_GDB=PORT in the environment lets the image wait for a debugger at this TCP port.
+QEMU_GDB=PORT in the environment makes the image wait for a debugger at this TCP port.
 
 Exit status 1 if a frame is lost, a sample overruns, the image resets, a strike is not seen or leaves the \
 range of a sensor, or replay differs. With --faults: if a fault is not reported, a fault is reported that was not provoked, a loss is not \
@@ -90,14 +90,15 @@ Examples:
 pub(crate) struct Arguments {
     /// The scenario, a TOML file in SI units.
     scenario: PathBuf,
-    /// The bead that senses: one with an intruder. Several sense one strike on one time: 7-16, 7,9,12 or all.
+    /// The sensing bead: one with an intruder. Several sense one strike on a common time: 7-16, 7,9,12 or
+    /// all.
     #[arg(long, value_name = "N")]
     bead: BeadNumbers,
     /// The flash image [default: as `cargo xtask build` leaves it, else the one inside this program].
     #[arg(long, value_name = "ELF")]
     firmware: Option<PathBuf>,
-    /// Leave the recording and the settings block in this directory, which is made if it is missing:
-    /// bead-N.mcap, or chain.mcap of several beads.
+    /// Write the recording and the settings block to this directory, which is made if it is missing:
+    /// bead-N.mcap, or chain.mcap for several beads.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     #[command(flatten)]
@@ -105,16 +106,16 @@ pub(crate) struct Arguments {
     /// A note in the recording, such as operator=Ana specimen=A12; repeat for more.
     #[arg(long, value_name = "KEY=VALUE", num_args = 1.., value_parser = note)]
     note: Vec<Note>,
-    /// Let the sensors feel this waveform, and not the scenario's strike: a text table, WAV, Parquet, or a
+    /// Let the sensors feel this waveform instead of the scenario's strike: a text table, WAV, Parquet, or a
     /// recording.
     #[arg(long, value_name = "F")]
     stimulus: Option<PathBuf>,
-    /// Let the settings state the uncertainties of this file, as bead.toml has them: the bead then sends
-    /// those of its energies.
+    /// Put the uncertainties in this file, such as bead.toml, into the settings: the bead then sends the
+    /// uncertainties of its energies.
     #[arg(long, value_name = "F.toml|F.settings")]
     uncertainty: Option<PathBuf>,
-    /// Give the bead these settings, as its owner does, in place of those that fit the scenario and its front
-    /// end. What they have wrong, the results have too.
+    /// Give the bead these settings, as its owner would, in place of those that fit the scenario and its
+    /// front end. An error in them is an error in the results.
     #[arg(long, value_name = "F.toml|F.settings", conflicts_with = "uncertainty")]
     settings: Option<PathBuf>,
     /// Number of strikes, or how often the waveform is played, and the time from one to the next, s.
@@ -123,14 +124,14 @@ pub(crate) struct Arguments {
     /// Velocity of the striker, m/s [default: the scenario's].
     #[arg(long, value_name = "M/S", value_parser = positive)]
     velocity: Option<f64>,
-    /// Seed of the noise, and of what else is left to chance: the same seed gives the same codes.
+    /// Seed of the noise and of all else that is random: the same seed gives the same codes.
     #[arg(long, value_name = "S", default_value_t = 1)]
     seed: u64,
     /// Provoke the faults of this TOML file; docs/scenarios/faults.toml is one.
     #[arg(long, value_name = "F.toml")]
     faults: Option<PathBuf>,
-    /// Do not run to an end, but be a bead at this address, unix:PATH or tcp:HOST:PORT, until Ctrl-C. Its
-    /// time passes as fast as it can while a program is connected, or as `pace` under [clock] says.
+    /// Act as a bead at this address, unix:PATH or tcp:HOST:PORT, until Ctrl-C. Its time passes as fast as
+    /// possible while a program is connected, or at the `pace` under [clock].
     #[arg(long, value_name = "ADDRESS", conflicts_with_all = ["out", "faults", "format"])]
     listen: Option<Address>,
     /// Format of the result.
@@ -157,7 +158,7 @@ fn strikes(text: &str) -> Result<Strikes, String> {
     match count.parse() {
         Ok(count @ 1..=10_000) => Ok(Strikes { count, interval }),
         _ => Err(
-            "give a whole number from 1 to 10000, and the seconds between strikes behind a colon".to_owned(),
+            "give a whole number from 1 to 10000, and after a colon the seconds between strikes".to_owned(),
         ),
     }
 }
@@ -203,8 +204,8 @@ impl Arguments {
         if beads > 1 && all > LONGEST {
             bail!(
                 Input,
-                "--bead: {beads} beads for {seconds:.1} s each are {all:.0} s, and the codes of {LONGEST} s fit in memory; give \
-                 fewer beads or --strikes, or a shorter time between them"
+                "--bead: {beads} beads for {seconds:.1} s each are {all:.0} s, but memory holds the codes of at most {LONGEST} s; \
+                 give fewer beads, fewer --strikes, or a shorter time between strikes"
             );
         }
         let alone = [
@@ -214,7 +215,7 @@ impl Arguments {
             ("--settings", self.settings.is_some()),
         ];
         if let Some((option, _)) = alone.iter().find(|(_, given)| *given && self.one().is_none()) {
-            bail!(Input, "{option} is for one bead; give --bead one number");
+            bail!(Input, "{option} takes only one bead; give --bead one number");
         }
         if self.stimulus.is_none() {
             self.waveform.without("--stimulus")?;
@@ -222,14 +223,14 @@ impl Arguments {
         if self.listen.is_none() && !tables.analog_wire.is_empty() {
             bail!(
                 Input,
-                "[[analog_wire]]: wires stand in place of sensors, which feel no strike then; give --listen ADDRESS too, or take \
-                 them out of the scenario"
+                "[[analog_wire]]: wires replace the sensors, so no strike is felt; give --listen ADDRESS too, or remove the wires \
+                 from the scenario"
             );
         }
         if self.out.is_none() && !self.note.is_empty() {
             bail!(
                 Input,
-                "--note is for a recording, and none is kept; give --out DIR too"
+                "--note needs a recording, and none is written; give --out DIR too"
             );
         }
         Ok(())
@@ -338,17 +339,17 @@ fn listen(bench: &BenchOfRun<'_>, address: &Address, door: &Door) -> Result<(), 
     let emulation = bench.prepare(bench.placed[0])?;
     bench.progress.finish_and_clear();
     bench.print_remarks();
-    let stop = interrupt::orderly("its socket may be left; remove it".to_owned());
+    let stop = interrupt::orderly("the socket may still exist; remove it".to_owned());
     let clock = &bench.tables.clock;
     let passes = match clock.pace {
         Some(factor) => format!("passes {factor} times as fast as this computer's"),
-        None => "passes while somebody is connected".to_owned(),
+        None => "passes while a program is connected".to_owned(),
     };
     if let Some(port) = bench.gdb {
-        note!("it waits for a debugger: target remote :{port}");
+        note!("the image waits for a debugger: target remote :{port}");
     }
     if clock.sync_period.is_some() {
-        note!("there are edges at its sync input for an hour of its time");
+        note!("the bead's sync input gets edges for the first hour of its time");
     }
     let mut bridge = Bridge::new(&emulation, clock.pace.map(Pace::new))?;
     note!("a bead is at {address} until Ctrl-C; its time {passes}");
@@ -500,7 +501,7 @@ impl Played {
         if seconds > LONGEST {
             bail!(
                 Input,
-                "{shown}: it is {seconds:.3e} s long, and a run {LONGEST} s at most; cut the strike out of it"
+                "{shown}: it is {seconds:.3e} s long, but a run lasts at most {LONGEST} s; cut the strike out of it"
             );
         }
         let mut remarks = std::mem::take(&mut waveform.remarks);
@@ -510,13 +511,13 @@ impl Played {
             (&waveform.acceleration, "acceleration", "m/s²", acceleration),
         ] {
             let Some(trace) = trace else {
-                remarks.push(format!("it has no {name}, so that sensor stays at rest"));
+                remarks.push(format!("it has no {name}, so the {name} sensor stays at rest"));
                 continue;
             };
             let (lowest, (_, highest)) = (trace.lowest(), trace.highest());
             if lowest < low || highest > high {
                 remarks.push(format!(
-                    "its {name} goes from {lowest:.4} to {highest:.4} {si}, and the front end from {low:.4} to {high:.4}, so \
+                    "its {name} goes from {lowest:.4} to {highest:.4} {si}, but the front end only from {low:.4} to {high:.4}, so \
                      codes stay at a rail; {WIDER_RANGES}"
                 ));
             }

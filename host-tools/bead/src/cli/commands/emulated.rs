@@ -183,7 +183,7 @@ fn counts(report: &RunReport) -> String {
 fn provoked(report: &RunReport) -> String {
     let rows = report.provoked.iter().map(|provoked| {
         let reported = if provoked.excused {
-            "not required: it was hidden, too short, or the run ended".to_owned()
+            "not required: another fault hid it, it was too short, or the run ended".to_owned()
         } else {
             output::either(provoked.reported, "yes", "no")
         };

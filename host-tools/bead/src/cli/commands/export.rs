@@ -15,12 +15,12 @@ use bead_recording::export::{samples, strikes as strikes_table, uff};
 use bead_recording::file::RecordingError;
 
 const AFTER_HELP: &str = "\
-Parquet and CSV are two tables: `strikes` has a row for each strike of each bead, with what the bead said of \
-it and the settings that it measured with; `samples` has a row for each sample of each window. `id` joins \
-them. All is in SI units, which end the names of the columns. Columns named _raw hold the bits that the bead \
-computed, columns named _code the codes of its converter. docs/export.md says what each column is.
+Parquet and CSV are two tables: `strikes` has a row for each strike of each bead, with the bead's result and \
+the settings that it measured with; `samples` has a row for each sample of each window. `id` joins them. All \
+values are in SI units, which end the names of the columns. Columns that end in _raw hold the bits that the \
+bead computed, columns that end in _code the codes of its converter. docs/export.md explains each column.
 
-UFF is one file of datasets 58: force and acceleration of each strike over time.
+UFF is one file of datasets of type 58: force and acceleration of each strike over time.
 
 Examples:
   bead export run/bead-8.mcap --out tables
@@ -35,7 +35,7 @@ enum ExportForm {
     Parquet,
     /// `strikes.csv` and `samples.csv`.
     Csv,
-    /// `strikes.uff`: Universal File Format, datasets 58.
+    /// `strikes.uff`: Universal File Format, datasets of type 58.
     Uff,
 }
 
@@ -142,14 +142,13 @@ impl Tally<'_> {
         );
         if self.without_settings > 0 {
             note!(
-                "{} of them came without settings, so their samples are codes and not in SI units",
+                "{} of them came without settings, so their samples are codes, not in SI units",
                 self.without_settings
             );
         }
         if self.left_out > 0 {
             note!(
-                "{} more {} not written: without settings and a quiet start nothing is in SI units; --format parquet and csv have \
-                 the codes",
+                "{} more {} not written: SI units need settings and a quiet start; --format parquet and csv write the codes",
                 self.left_out,
                 output::either(self.left_out == 1, "strike is", "strikes are"),
             );

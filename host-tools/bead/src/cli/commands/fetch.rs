@@ -9,12 +9,12 @@ use bead_recording::file::{About, RecordingWriter};
 use bead_recording::frames::Frame;
 
 const AFTER_HELP: &str = "\
-A bead keeps its last strikes also over a reset: twelve at least of 672 scans, eight of the longest windows. \
-A power cut clears them. Without --out they are listed. With --out they are sent again and written to \
-a recording, bit for bit as they were measured, which `bead replay`, `bead compare` and `bead export` read \
-as any other. A fetch changes nothing on the bead and needs no key; strikes that come meanwhile go first.
+A bead keeps its last strikes, even through a reset: at least twelve of 672 scans, or eight of the longest \
+windows. A power cut clears them. Without --out they are listed. With --out they are sent again and written \
+to a recording, bit for bit as they were measured, which `bead replay`, `bead compare` and `bead export` read \
+like any other. A fetch changes nothing on the bead and needs no key; new strikes are sent first.
 
-`bead record` fetches by itself what was lost on the way.
+`bead record` itself fetches strikes that were lost on the way.
 
 Exit status 1 if the bead does not keep what was asked for, 3 if it does not answer.
 
@@ -31,7 +31,7 @@ pub(crate) struct Arguments {
     /// Only strikes of this boot.
     #[arg(long, value_name = "N")]
     boot: Option<u32>,
-    /// The recording to be written; without it the strikes are listed.
+    /// The recording to write; without it the strikes are listed.
     #[arg(long, value_name = "F.mcap")]
     out: Option<PathBuf>,
     #[command(flatten)]

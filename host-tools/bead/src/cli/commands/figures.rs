@@ -16,13 +16,13 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let here = std::env::current_exe()
-        .context("where is this program?")
+        .context("cannot find this program's own file")
         .map_err(Failure::Device)?;
     let program = here.with_file_name("bead-figures");
     if !program.exists() {
         bail!(
             Device,
-            "{} is not there; to build it: cargo build --release -p bead-figures (installed: cargo install --path \
+            "{} is missing; to build it: cargo build --release -p bead-figures (to install it: cargo install --path \
              host-tools/hertz/figures-command)",
             program.display()
         );

@@ -21,15 +21,15 @@ use bead_limits::words::{sentence, subject};
 use bead_recording::file::{Note, RecordingError, add_notes};
 
 const AFTER_HELP: &str = "\
-A limit is on the energy that is absorbed, peak force, peak acceleration, A over B, drift, the shock response spectrum, \
-or the share that a row absorbs. It is held against every strike of every bead, and the worst strike is shown. The rule \
-uses the expanded uncertainty U (JCGM 106): simple acceptance, guarded acceptance or guarded rejection. A value that is \
-absent, or whose U the rule needs and nobody stated, is not decided: one line says why and what next, and the rest \
-goes on.
+A limit is on the absorbed energy, peak force, peak acceleration, A over B, drift, the shock response spectrum, or the \
+share that a row absorbs. Every strike of every bead is judged by it, and the worst strike is shown. The rule uses the \
+expanded uncertainty U (JCGM 106): simple acceptance, guarded acceptance or guarded rejection. A limit is not decided if \
+its value is absent, or if its rule needs a U that nobody stated: one line says why and what to do next, and the other \
+limits are still judged.
 
 Exit status 0 if every limit is kept, 1 if one is broken or not decided.
 
---note leaves the verdict in each recording, where `bead list --verdict fail` finds it.
+--note writes the verdict into each recording, where `bead list --verdict fail` finds it.
 
 Examples:
   bead judge --template limits.toml
@@ -47,7 +47,7 @@ pub(crate) struct Arguments {
     /// The limits, a TOML file.
     #[arg(long, value_name = "L.toml", required_unless_present = "template")]
     limits: Option<PathBuf>,
-    /// Write a file of limits that explains each of its keys, and nothing else; - for standard output.
+    /// Only write a file of limits that explains each of its keys; - for standard output.
     #[arg(long, value_name = "L.toml", conflicts_with_all = ["recordings", "limits"], num_args = 0..=1, default_missing_value = "-")]
     template: Option<PathBuf>,
     /// Take the uncertainties that these settings state in place of those in the recording.
@@ -59,7 +59,7 @@ pub(crate) struct Arguments {
     /// Write the result as JUnit XML, for CI.
     #[arg(long, value_name = "F.xml")]
     junit: Option<PathBuf>,
-    /// Note the verdict in each recording.
+    /// Write the verdict as a note into each recording.
     #[arg(long)]
     note: bool,
     #[command(flatten)]
@@ -222,7 +222,7 @@ fn how(arguments: &Arguments, limits: &Path) -> Result<Vec<Fact>, Failure> {
         Some(file) => ("uncertainties, SHA-256", sha256_of(file)?),
         None => (
             "uncertainties",
-            "as the beads sent them, by their settings".to_owned(),
+            "as the beads sent them, from their settings".to_owned(),
         ),
     });
     Ok(facts)

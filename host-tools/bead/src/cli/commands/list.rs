@@ -10,12 +10,12 @@ use bead_logbook::recording::LoggedRecording;
 use bead_tables::printable::beginning;
 
 const AFTER_HELP: &str = "\
-Recordings are files whose names end with .mcap, finished or not. A file that has such a name and is no recording of \
-beads costs one line. The date of a recording is that of its note `date`, else the time at which its first frame was \
+Recordings are files whose names end with .mcap, finished or not. A file with such a name that is not a recording of \
+beads is reported in one line. The date of a recording is that of its note `date`, else the time at which its first frame was \
 received, else that of its file.
 
-The first search reads each recording, and leaves what it found in FOLDER/bead-logbook.parquet, one row for each \
-strike. The next one reads only files whose length or time has changed. The table may be deleted at any time.
+The first search reads each recording, and writes a table to FOLDER/bead-logbook.parquet, one row for each strike. \
+Later searches read only files whose length or time has changed. The table may be deleted at any time.
 
 Examples:
   bead list

@@ -15,7 +15,7 @@ Examples:
 #[derive(Debug, Args)]
 #[command(after_help = COMPLETIONS_HELP)]
 pub(crate) struct Completions {
-    /// For which shell.
+    /// The shell that completes.
     #[arg(value_enum)]
     shell: Shell,
 }

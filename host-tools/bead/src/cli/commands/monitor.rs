@@ -32,11 +32,11 @@ use bead_console::beads::BeadNumbers;
 const AFTER_HELP: &str = "\
 Shows each bead's last strike with force, acceleration and residual, both energies with their uncertainties, \
 flags in words, the strikes before it, losses by cause, health, supply and clock. ± is two standard \
-uncertainties. The keys are at the bottom. 80x24 is enough; a smaller window gets the numbers alone. NO_COLOR \
+uncertainties. The keys are at the bottom. 80x24 is enough; a smaller window shows only the numbers. NO_COLOR \
 is heeded.
 
-It records as `bead record` does, to --out or to bead-DATE-TIME.mcap, and a page never holds that up. A port that \
-goes away is opened again as soon as it is back. q, Ctrl-C, SIGTERM, SIGHUP and a terminal that is gone complete \
+It records as `bead record` does, to --out or to bead-DATE-TIME.mcap, and no page ever delays the recording. A port \
+that goes away is opened again as soon as it is back. q, Ctrl-C, SIGTERM, SIGHUP and a closed terminal complete \
 the recording. A recording that another program is writing (F.mcap.partial) is shown as it grows.
 
 Exit status 2 without a terminal, and 3 if no port opens or no frame came.
@@ -57,7 +57,7 @@ pub(crate) struct Arguments {
     #[arg(value_name = "F.mcap", group = "source", conflicts_with_all = ["out", "note", "key", "duration"])]
     recording: Option<PathBuf>,
     /// A serial port or pty, tcp:HOST:PORT or unix:PATH; repeat for more beads. Or all: every serial
-    /// port here.
+    /// port of this computer.
     #[arg(long, value_name = "P", group = "source", value_parser = record::port)]
     port: Vec<PortChoice>,
     /// Show emulated beads of this scenario, a TOML file in SI units: each is the image in QEMU, struck about
@@ -67,7 +67,7 @@ pub(crate) struct Arguments {
     /// The emulated beads: those with an intruder. 7-16, 7,9,12 or all.
     #[arg(long, value_name = "N", requires = "emulate", conflicts_with_all = ["port", "recording"])]
     bead: Option<BeadNumbers>,
-    /// Let the settings of emulated beads state the uncertainties of this file, as bead.toml has them.
+    /// Put the uncertainties in this file, such as bead.toml, into the settings of emulated beads.
     #[arg(long, value_name = "F.toml|F.settings", requires = "emulate")]
     uncertainty: Option<PathBuf>,
     /// The recording [default: bead-DATE-TIME.mcap, in UTC].
@@ -83,8 +83,8 @@ pub(crate) struct Arguments {
     duration: Option<Duration>,
     #[command(flatten)]
     notes: NoteOptions,
-    /// Serve the page for a browser in place of the terminal's, at this address [default: 127.0.0.1 and a
-    /// port that is free]. The URL that is printed has a secret in it.
+    /// Serve a page for a browser in place of the one on the terminal, at this address [default: 127.0.0.1
+    /// and a free port]. The printed URL contains a secret.
     #[arg(long, value_name = "ADDRESS", num_args = 0..=1, require_equals = true, value_parser = web_address,
         default_missing_value = "127.0.0.1:0")]
     web: Option<SocketAddr>,
@@ -143,13 +143,13 @@ impl Pages {
         if arguments.insecure_network && !serves {
             bail!(
                 Input,
-                "--insecure-network is of --web and --foxglove; give one of them, or leave it out"
+                "--insecure-network needs --web or --foxglove; give one of them, or leave it out"
             );
         }
         if !has_terminal && !serves && arguments.udp.is_none() {
             bail!(
                 Input,
-                "standard input and output are no terminal, which the page needs; run it in one, give --web for a \
+                "standard input and output are not a terminal, which the page needs; run it in one, give --web for a \
                  browser, or record without a page: bead record"
             );
         }
@@ -157,8 +157,8 @@ impl Pages {
             if !at.ip().is_loopback() && !arguments.insecure_network {
                 bail!(
                     Input,
-                    "{option}={at}: other computers could see it, and nothing is encrypted; give 127.0.0.1 and reach it by \
-                     `ssh -L`, or accept that by --insecure-network"
+                    "{option}={at}: other computers could see the data, which is not encrypted; give 127.0.0.1 and connect with \
+                     `ssh -L`, or accept the risk with --insecure-network"
                 );
             }
             Ok(())
@@ -224,7 +224,7 @@ impl Pages {
             shown.map_err(|error| {
                 failure!(
                     Input,
-                    "the terminal is gone ({error}); what came before it went is recorded"
+                    "the terminal was closed ({error}); all that came before is recorded"
                 )
             })?;
             served.map_err(|error| failure!(Input, "the page cannot be served any more: {error}"))
@@ -237,7 +237,7 @@ fn show_recording(path: &Path, pages: Pages) -> Result<(), Failure> {
     let name = path.display().to_string();
     let monitor = SharedMonitor::new(Monitor::new(vec![name.clone()], name));
     monitor.lock().set_file(path);
-    let stop = interrupt::orderly("the recording is another program's and goes on".to_owned());
+    let stop = interrupt::orderly("another program writes the recording, and continues".to_owned());
     let (shown, followed) = thread::scope(|scope| {
         let pages = scope.spawn(|| pages.show(&monitor, None, &stop));
         let followed = follow(&monitor, follower, &stop);
@@ -285,8 +285,9 @@ fn show_beads(arguments: &Arguments, pages: Pages) -> Result<(), Failure> {
     let mut observer = monitor.clone();
     let recorder = arguments.recorder(&addresses, started, &mut observer, &tell)?;
     let recorder = recorder.with_orders(ordered);
-    let stop =
-        interrupt::orderly("the disk was too slow to complete the recording; `bead recover` does".to_owned());
+    let stop = interrupt::orderly(
+        "the disk was too slow to complete the recording; `bead recover` completes it".to_owned(),
+    );
     let (shown, recorded) = thread::scope(|scope| {
         if let Some(live) = &live {
             scope.spawn(|| live.serve(&stop, &tell));

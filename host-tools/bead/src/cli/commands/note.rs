@@ -7,12 +7,12 @@ use bead_recording::file::add_notes;
 
 const AFTER_HELP: &str = "\
 A note has a key, a text, its author and its time. The last note of a key counts; those before it stay in the file \
-as its history, and an empty one (specimen=) withdraws the key. An argument with = is a note, unless a file of \
-that name is there. The keys are yours; `bead list` takes `date` as the day of the recording.
+as its history, and an empty note (specimen=) withdraws the key. An argument with = is a note, unless there is a \
+file of that name. You choose the keys; `bead list` takes `date` as the day of the recording.
 
-Nothing that was recorded changes: the file gets its bytes again with the notes behind them, and takes the place \
-of the old one when it is on disk. A recording that is cut is made whole first, by `bead recover`, which keeps its \
-notes. `bead record --note` and `bead emulate --note` note when they record.
+Nothing that was recorded changes: a copy of the file with the notes at its end replaces the old file as soon as it \
+is on disk. A recording that is cut has to be made whole first, by `bead recover`, which keeps its notes. \
+`bead record --note` and `bead emulate --note` add notes when they record.
 
 Examples:
   bead note run/bead-8.mcap
@@ -23,7 +23,8 @@ Examples:
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Arguments {
-    /// Recordings, and the notes that each of them gets: KEY=VALUE. Without one their notes are printed.
+    /// Recordings, and the notes that each of them gets: KEY=VALUE. Without a note, the existing notes are
+    /// printed.
     #[arg(value_name = "F.mcap|KEY=VALUE", required = true)]
     arguments: Vec<PathBuf>,
     #[command(flatten)]

@@ -22,20 +22,21 @@ use bead_recording::frames::Frame;
 
 const AFTER_HELP: &str = "\
 Several beads go into one recording, on the host's time: --port for each, or --port all for every serial \
-port here. A port that does not open, that has no bead, or whose bead has another one's address costs one \
-line; the others go on. A port that goes away is opened again as soon as it is back, and goes on in the same \
-recording.
+port of this computer. A port that does not open, that has no bead, or whose bead has the address of another \
+bead is reported in one line; the others continue. A port that goes away is opened again as soon as it is \
+back, and continues in the same recording.
 
-No strike is lost with the cable: a bead keeps its last twelve strikes and more. When one did not come whole, \
-it is asked for, and stands in the recording once. --no-fetch only listens.
+A cut line loses no strike: a bead keeps at least its last twelve strikes. A strike that arrived incomplete is \
+requested again, and is in the recording once. --no-fetch only listens.
 
-Ends at Ctrl-C or after --duration with exit status 0, and with 3 when no port is left for --wait, or no \
-frame came. The recording is complete in each case. At Ctrl-C, SIGTERM or SIGHUP that takes less than 5 \
-seconds. Killed, it leaves F.mcap.partial, in which at most the last two seconds are missing; `bead recover` \
-makes a whole recording of it. It keeps every byte as received, corrupt frames included, with the time of \
-receipt. After a day (sooner with many ports, or after 30 GB of a fast source) it goes on in F-2.mcap, between \
-two strikes. So it can run for months, in at most 256 MB of memory. `bead export` takes many files. Each strike is printed as it comes. The last line says how fast the \
-bead's clock is against this host's, if the recording is long enough; see `bead clock`.
+Ends at Ctrl-C or after --duration with exit status 0, and with 3 when all ports are away for longer than \
+--wait, or no frame came. The recording is complete in each case. At Ctrl-C, SIGTERM or SIGHUP, completing it \
+takes less than 5 seconds. If killed, `bead record` leaves F.mcap.partial, in which at most the last two \
+seconds are missing; `bead recover` makes a whole recording of it. The recording keeps every byte as received, \
+corrupt frames included, with the time of receipt. After a day (sooner with many ports, or after 30 GB of a \
+fast source) it continues in F-2.mcap, between two strikes, so `bead record` can run for months, in at most \
+256 MB of memory. `bead export` takes many files. Each strike is printed as it comes. The last line says how \
+fast the bead's clock is against this host's, if the recording is long enough; see `bead clock`.
 
 Examples:
   bead record --port /dev/ttyUSB0
@@ -50,7 +51,7 @@ Examples:
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Arguments {
     /// A serial port or pty, tcp:HOST:PORT or unix:PATH; repeat for more beads. Or all: every serial
-    /// port here.
+    /// port of this computer.
     #[arg(long, value_name = "P", required = true, value_parser = port)]
     port: Vec<PortChoice>,
     /// The recording [default: bead-DATE-TIME.mcap, in UTC].
@@ -64,18 +65,18 @@ pub(crate) struct Arguments {
     /// Stop after this time, s.
     #[arg(long, value_name = "SECONDS", value_parser = output::seconds)]
     duration: Option<Duration>,
-    /// Go on in another file after this time, s, at most a day.
+    /// Continue in a new file after this time, s; at most a day.
     #[arg(long, value_name = "SECONDS", default_value = "86400", value_parser = split)]
     split: Duration,
-    /// Time to wait for the ports when all have gone away, s; 0 to end when one does.
+    /// Time to wait for the ports when all have gone away, s; 0 to end as soon as one does.
     #[arg(long, value_name = "SECONDS", default_value = "10", value_parser = wait)]
     wait: Duration,
-    /// Do not ask the bead for strikes that did not come whole: only listen.
+    /// Do not ask the bead for strikes that arrived incomplete: only listen.
     #[arg(long)]
     no_fetch: bool,
     #[command(flatten)]
     notes: NoteOptions,
-    /// Format of the strikes; as JSON, one object a line, as `bead decode` does, with the time of
+    /// Format of the strikes; JSON is one object a line, as from `bead decode`, with the time of
     /// receipt.
     #[arg(long, value_enum, default_value_t)]
     format: Format,
@@ -93,7 +94,7 @@ fn split(text: &str) -> Result<Duration, String> {
     let time = output::seconds_of_a_day(text)
         .ok()
         .filter(|time| time.as_secs() >= 1);
-    time.ok_or_else(|| "from 1 to 86400 s, a day".to_owned())
+    time.ok_or_else(|| "give 1 to 86400 s (a day)".to_owned())
 }
 
 /// Parses the value of `--port`; `None` is every serial port that opens.
@@ -146,7 +147,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         }
     };
     let stop = interrupt::orderly(format!(
-        "the disk was too slow to complete the recording; what came is in {}.partial, for `bead recover`",
+        "the disk was too slow to complete the recording; `bead recover` completes {}.partial",
         target.path().display()
     ));
     let recorded = recorder.run(ports, &stop).map_err(Failure::input)?;
@@ -199,7 +200,7 @@ pub(super) fn frames_came(recorded: &Recorded) -> Result<(), Failure> {
         }
         _ => bail!(
             Device,
-            "bytes came, but no frame among them: does --baud match, and is it a bead that sends?"
+            "bytes came, but no frame among them: does --baud match, and is the sender a bead?"
         ),
     }
 }
@@ -268,7 +269,7 @@ pub(super) fn clock_lines(live: &Live) -> impl Iterator<Item = String> {
             return Some(format!("address {address}: {}", times_as_fast(fit.drift_ppm)));
         }
         Some(format!(
-            "the clock of the bead at address {address} is {ppm} ± {within} ppm fast against this host's, by \
+            "the clock of the bead at address {address} is {ppm} ± {within} ppm fast against this host's, over \
              {seconds:.0} s"
         ))
     })
@@ -299,6 +300,9 @@ mod tests {
             panic!("address, drift, uncertainty and time: {last}")
         };
         assert!((ppm - 50.0).abs() < within && within < 1.0, "{last}");
-        assert!(last.ends_with(" ppm fast against this host's, by 59 s"), "{last}");
+        assert!(
+            last.ends_with(" ppm fast against this host's, over 59 s"),
+            "{last}"
+        );
     }
 }

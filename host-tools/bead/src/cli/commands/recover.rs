@@ -9,11 +9,12 @@ use bead_recording::raw;
 use bead_recording::recover::{recover, recover_raw};
 
 const AFTER_HELP: &str = "\
-What can be read of the recording is written to a new one, byte for byte, with the times of receipt and all \
-that is attached. In a damaged place every frame is found by its own CRC. What is missing is said, also a \
-strike whose samples came and whose result did not. The file itself stays as it is. Raw bytes as a bead sent them become a recording too, without times.
+All that can be read of the recording is written to a new one, byte for byte, with the times of receipt and \
+all attachments. In a damaged place every frame is found by its own CRC. Missing parts are reported, and also \
+strikes whose samples came without their result. The file itself stays as it is. Raw bytes as a bead sent \
+them become a recording too, without times.
 
-Exit status 0 also if something is missing, 2 if there is nothing to recover.
+Exit status 0 even if something is missing, 2 if there is nothing to recover.
 
 Examples:
   bead recover bead-20260718-101500.mcap.partial
@@ -59,8 +60,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         Err(RecordingError::NotOurs(..)) if raw::frames_in(file) > 0 => recover_raw(file, &target)?,
         Err(RecordingError::NotOurs(..)) if !begins_as_mcap(file) => bail!(
             Input,
-            "{}: there is no frame of a bead and no record of a recording in it; give a recording, or the bytes that a bead \
-             sent",
+            "{}: it contains neither a frame of a bead nor a record of a recording; give a recording, or the bytes that a \
+             bead sent",
             file.display()
         ),
         Err(error) => return Err(error.into()),

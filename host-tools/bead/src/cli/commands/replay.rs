@@ -9,14 +9,13 @@ use bead_compare::report::count;
 
 const AFTER_HELP: &str = "\
 Every energy of every chunk and every field of every strike is compared bit for bit, and the strike detector \
-must fire at the same sample. Exit status 1 if anything differs; the first difference is told in SI units \
-and in bits, with what it usually means. A strike of which samples were lost is replayed up to the first of \
-them and is \"incomplete\": exit status 1, too. Of more than 100 000 strikes the first are shown, and those that \
-differ.
+must fire at the same sample. Exit status 1 if anything differs; the first difference is shown in SI units \
+and in bits, with its usual cause. A strike with lost samples is replayed up to the first of them and is \
+\"incomplete\": exit status 1, too. Of more than 100 000 strikes only the first and those that differ are shown.
 
-Of five strikes and more of a bead the means of k, c and the gains are shown against its settings, as the wave forms \
-have them. One that is three standard errors off, and by more than a good bead may be, is \"drifting\": that is told, and changes \
-no exit status.
+For a bead with five strikes or more, the means of k, c and the gains, as the waveforms show them, are compared with \
+its settings. A mean that is off by three standard errors, and by more than a good bead may be, is marked \
+\"drifting\"; the exit status stays the same.
 
 Example:
   bead replay run/bead-8.mcap";

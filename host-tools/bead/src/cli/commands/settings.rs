@@ -20,7 +20,7 @@ use bead_recording::physical::{KEYS, calibration_doubt, shown, value};
 
 const AFTER_HELP: &str = "\
 Settings are a file of some 100 bytes: calibration, window and the coefficients of both estimates, with a \
-checksum. `make` makes one of a TOML file of physical quantities; `bead emulate … --out DIR` derives one \
+checksum. `make` makes one from a TOML file of physical quantities; `bead emulate … --out DIR` derives one \
 from a scenario.
 
 Exit status 1 if the bead refuses, with its reason; 3 if it does not answer.
@@ -40,11 +40,11 @@ Examples:
 
 /// Text in place of the supply of the calibration where that is unknown.
 const SUPPLY_UNKNOWN: &str =
-    "unknown: A and B hold at that supply alone, 1 % of it is 2 % of both, and no strike is flagged";
+    "unknown: A and B hold only at that supply, 1 % of it is 2 % of both, and no strike is flagged";
 
 const KEY_HELP: &str = "\
-The key is 16 random bytes. The first key travels to the bead as it is: give it where nobody else listens. A \
-key that takes another one's place is masked by the old one. docs/security.md says what a key keeps out and \
+The key is 16 random bytes. The first key is sent to the bead unmasked: give it where nobody else listens. A \
+key that replaces another key is masked by the old one. docs/security.md explains what a key protects from and \
 what it does not.
 
 Examples:
@@ -62,7 +62,7 @@ pub(crate) struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum SettingsAction {
-    /// Make settings of a file of physical quantities, or such a file to start from.
+    /// Make settings from a file of physical quantities, or write such a file to start from.
     Make(settings_file::MakeArguments),
     /// Show the settings that a bead measures with, and keep them in a file.
     Read {
@@ -106,7 +106,7 @@ enum SettingsAction {
         /// masses, springs and contacts. SI units.
         #[arg(value_name = "KEY=VALUE", required = true, value_parser = key_and_value)]
         changes: Vec<String>,
-        /// Only say what would change.
+        /// Only print what would change.
         #[arg(long)]
         dry_run: bool,
         #[command(flatten)]
@@ -126,7 +126,7 @@ enum SettingsAction {
         /// Make a key and keep it in this new file.
         #[arg(long, value_name = "F.key", group = "which")]
         new: Option<PathBuf>,
-        /// Give the key in this file: beads may share one.
+        /// Give the key in this file: several beads may share a key.
         #[arg(long, value_name = "F.key", group = "which")]
         give: Option<PathBuf>,
         /// Take the bead's key away. It then does what anybody on its line asks.
@@ -150,7 +150,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             if let Some(out) = out {
                 out.write_bytes(block.bytes())?;
             }
-            print(block.bytes(), *format, "the bead has a ")
+            print(block.bytes(), *format, "the bead's settings: ")
         }
         SettingsAction::Make(arguments) => settings_file::make(arguments),
         SettingsAction::Write {
@@ -229,7 +229,7 @@ fn set_key(new: Option<&Path>, give: Option<&Path>, line: &LineOptions) -> Resul
     }
     match key {
         Some(_) => note!(
-            "the bead has the key in {path}; keep it safe, and give --key {path} to what changes the bead's state"
+            "the bead has the key in {path}; keep it safe, and give --key {path} to commands that change the bead's state"
         ),
         None => note!("the bead has no key any more"),
     }
@@ -250,7 +250,7 @@ fn set(changes: &[String], dry_run: bool, line: &LineOptions) -> Result<(), Fail
     let settings = Settings::decode(ask(&mut bead)?.bytes()).map_err(|error| {
         failure!(
             Input,
-            "the bead has a {error}; give it one by `bead settings write`"
+            "the bead's settings: {error}; write valid ones with `bead settings write`"
         )
     })?;
     let (changes, block) = settings_file::changed(&settings, changes)?;
@@ -276,7 +276,7 @@ fn store(bead: &mut Conversation, block: &[u8]) -> Result<(), Failure> {
     let mut answer = bead.request(&request)?;
     if answer.reply.outcome == Outcome::StoreFull {
         note!(
-            "its flash has no room for another block; resetting it, which makes some and takes a few seconds"
+            "the bead's flash has no room for another block; resetting it, which makes room and takes a few seconds"
         );
         bead.reboot()?;
         answer = bead.request(&request)?;
@@ -304,7 +304,7 @@ fn print(block: &[u8], format: Format, whose: &str) -> Result<(), Failure> {
         SettingsError::Version(_) => {
             failure!(
                 Input,
-                "{whose}{error}; take the tools that were built with the image"
+                "{whose}{error}; use the tools that were built with the image"
             )
         }
         _ => failure!(Input, "{whose}{error}"),
@@ -341,7 +341,7 @@ fn table(settings: &Settings) -> String {
     let derived = derived(settings)
         .into_iter()
         .map(|(name, value)| [name.to_owned(), value]);
-    let derived = output::table("what follows |", derived);
+    let derived = output::table("derived |", derived);
     format!("{}\n\n{derived}", output::table("setting |", stated))
 }
 
@@ -384,7 +384,7 @@ fn derived(settings: &Settings) -> Vec<(&'static str, String)> {
         ("B, energy", predicted + " nJ"),
         ("incident wave of 1 N", format!("{incident:.4} nJ")),
         ("the intruder rings at", format!("{frequency:.1} Hz")),
-        ("its ringing dies away with", format!("{decay:.1} /s")),
+        ("its ringing decays at", format!("{decay:.1} /s")),
     ]
 }
 

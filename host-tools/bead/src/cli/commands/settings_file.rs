@@ -30,7 +30,7 @@ pub(super) struct MakeArguments {
     /// The physical quantities, a TOML file in SI units. With --template this file is written.
     #[arg(value_name = "F.toml")]
     file: PathBuf,
-    /// Where the settings go [default: beside F.toml, with its name and the ending .settings].
+    /// File for the settings [default: next to F.toml, with its name and the ending .settings].
     #[arg(long, value_name = "F.settings", conflicts_with = "template")]
     out: Option<PathBuf>,
     /// Write F.toml, to be edited: the paper's bead behind the reference front end, unless --scenario or
@@ -113,7 +113,7 @@ fn block_in(file: &Path) -> Result<Vec<u8>, Failure> {
     if bytes.is_empty() || bytes.len() > MAX_BLOCK {
         bail!(
             Input,
-            "{name}: this is no settings block, which has 1 to {MAX_BLOCK} bytes; give a file that `bead settings read`, \
+            "{name}: this is not a settings block, which has 1 to {MAX_BLOCK} bytes; give a file that `bead settings read`, \
              `bead settings make` or `bead emulate` wrote, or a TOML file of physical quantities, named .toml"
         );
     }

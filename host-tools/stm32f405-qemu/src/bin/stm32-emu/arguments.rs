@@ -8,8 +8,8 @@ use clap::Parser;
 use regex::Regex;
 use stm32f405_qemu::{Chip, Run, RunError, Scenario};
 
-const ABOUT: &str = "Runs the firmware image of an STM32F4 in QEMU: its log and its UARTs come while it runs, and \
-                     the exit status says what came of it.";
+const ABOUT: &str = "Runs the firmware image of an STM32F4 in QEMU, shows its log and its UARTs while it runs, and \
+                     reports the result by the exit status.";
 
 const MORE: &str = "\
 Examples:
@@ -24,32 +24,32 @@ Examples:
 As a runner of cargo, in .cargo/config.toml:
   [target.thumbv7em-none-eabihf]
   runner = \"stm32-emu --chip STM32F405RG\"
-An image made with embedded-test is run case by case, each from a reset; its words are those of `cargo test`:
+An image made with embedded-test is run case by case, each from a reset; it takes the arguments of `cargo test`:
   cargo test -- --list
   cargo test -- --exact tests::it_adds
 
 Exit status:
-  0  passed: used up its time, stopped at a breakpoint, exited with 0, or said what --until waits for
+  0  passed: used up its time, stopped at a breakpoint, exited with 0, or printed what --until waits for
   1  panicked, exited with another status, or a test case failed
   2  wrong arguments
-  3  there was no run: no image, one for another part, no QEMU
-  4  a fault, or locked up
-  5  hangs: an endless loop, a register without a model, or --timeout
+  3  no run: the image is missing or for another part, or there is no QEMU
+  4  a fault or a lockup
+  5  hung: an endless loop, a register without a model, or --timeout
   6  accessed a register without a model, wrote to one without a clock, or moved a pin that the part
   lacks, under --strict
-  7  did not say what --until waits for
+  7  did not print what --until waits for
   141  nobody reads the output any more";
 
 /// Command-line arguments.
 #[derive(Debug, Clone, Parser)]
 #[command(name = "stm32-emu", version, about = ABOUT, after_help = MORE, max_term_width = 100)]
 pub(crate) struct Arguments {
-    /// The part: of the lines F401, F405, F407, F411, F415, F427, F429 and F446. Letters for package and
+    /// Part, from the lines F401, F405, F407, F411, F415, F427, F429 and F446. Letters for package and
     /// temperature may follow.
     #[arg(long, value_name = "NAME", default_value = "STM32F405RG")]
     pub(crate) chip: Chip,
-    /// Time of the image: 2s, 500ms, or a number of seconds. Without a scenario an image that samples gets a
-    /// stimulus instead, and ends after it.
+    /// Length of the run in the image's time: 2s, 500ms, or a number of seconds. Without a scenario, an image
+    /// that samples gets a stimulus and runs to its end instead.
     #[arg(long = "for", alias = "seconds", value_name = "TIME", default_value = "2s", value_parser = duration)]
     pub(crate) time: Duration,
     /// Limit of real time.
@@ -67,8 +67,8 @@ pub(crate) struct Arguments {
     /// pin that the part lacks.
     #[arg(long)]
     pub(crate) strict: bool,
-    /// Lead a UART to the output, a pseudo-terminal, a TCP port that one program may connect to, or a file:
-    /// USART2=stdout, =pty, =tcp:127.0.0.1:4000, =file:PATH. Can be given for each UART.
+    /// Connect a UART to the output, a pseudo-terminal, a TCP port that one program may connect to, or a
+    /// file: USART2=stdout, =pty, =tcp:127.0.0.1:4000, =file:PATH. Can be given for each UART.
     #[arg(long, value_name = "UART=WHERE", value_parser = super::uart::way)]
     pub(crate) uart: Vec<super::uart::Way>,
     /// Let the image call the host: only for an image that you trust. The words after ELF are its command
@@ -78,10 +78,10 @@ pub(crate) struct Arguments {
     /// Write the levels of output pins over time, for a waveform viewer such as GTKWave.
     #[arg(long, value_name = "FILE")]
     pub(crate) vcd: Option<PathBuf>,
-    /// Write what came of the run, as JSON.
+    /// Write the result of the run as JSON.
     #[arg(long, value_name = "FILE")]
     pub(crate) json: Option<PathBuf>,
-    /// Write what came of the run, as a JUnit report.
+    /// Write the result of the run as a JUnit report.
     #[arg(long, value_name = "FILE")]
     pub(crate) junit: Option<PathBuf>,
     /// Wait for a debugger at this TCP port of this computer.
@@ -102,7 +102,7 @@ impl Arguments {
     pub(crate) fn check_words(&self) -> Result<(), RunError> {
         match self.words.first() {
             Some(word) if !self.semihosting => {
-                let what = format!("nobody takes the word {word:?} after the image");
+                let what = format!("the word {word:?} after the image has no meaning here");
                 let next = "put options before the image, or add --semihosting to pass words to it";
                 Err(RunError::Input(format!("{what}; {next}")))
             }
@@ -132,7 +132,7 @@ impl Arguments {
             None => true,
         };
         if let Some(lost) = outputs.iter().find(|out| !has_folder(out)) {
-            let what = format!("there is no folder for {}; make it first", lost.display());
+            let what = format!("the folder of {} does not exist; make it first", lost.display());
             return Err(RunError::Input(what));
         }
         let scenario = self.scenario.iter().flat_map(|scenario| scenario.paths());

@@ -147,10 +147,14 @@ fn judge(session: &Session, case: &TestCase, limit_s: u32, arguments: &Arguments
     let verdict = report::verdict(session, arguments);
     let end = session.result.as_ref().ok().map(|outcome| &outcome.end);
     match end {
-        Some(RunEnd::Exited(0)) if case.should_panic => Some("it was to panic, and passed".into()),
+        Some(RunEnd::Exited(0)) if case.should_panic => Some("it should have panicked, but passed".into()),
         Some(RunEnd::Exited(0)) => verdict.why,
         Some(RunEnd::Exited(_) | RunEnd::Panicked) if case.should_panic => None,
-        Some(RunEnd::Over) => Some(format!("it did not end within {limit_s} s of its time")),
-        _ => Some(verdict.why.unwrap_or_else(|| "it did not end by SYS_EXIT".into())),
+        Some(RunEnd::Over) => Some(format!("it did not end within {limit_s} s of the image's time")),
+        _ => Some(
+            verdict
+                .why
+                .unwrap_or_else(|| "it did not end with SYS_EXIT".into()),
+        ),
     }
 }

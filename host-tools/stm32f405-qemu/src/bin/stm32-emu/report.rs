@@ -101,14 +101,14 @@ fn unknown(outcome: &Outcome, chip: Chip) -> Option<String> {
         };
         let name = &register.name;
         return Some(if register.clock_off {
-            format!("the image wrote to {name}{more}: that is lost")
+            format!("the image wrote to {name}{more}: such a write is lost")
         } else {
             format!("the image accessed {name}{more}, which no model knows")
         });
     }
     let pin = outcome.pins.iter().find(|pin| !chip.has_pin(&pin.name))?;
     Some(format!(
-        "the image moved {}, and the {chip} has no such pin",
+        "the image moved {}, but the {chip} has no such pin",
         pin.name
     ))
 }
@@ -191,7 +191,11 @@ fn tell(outcome: &Outcome, session: &Session, to: &mut impl Write) -> io::Result
             .busy_with
             .as_ref()
             .map(|register| format!(", busy with {register}"));
-        writeln!(to, "at the end it was at {place}{}", busy.unwrap_or_default())?;
+        writeln!(
+            to,
+            "at the end the image was at {place}{}",
+            busy.unwrap_or_default()
+        )?;
     }
     Ok(())
 }

@@ -55,13 +55,13 @@ pub(crate) fn run(run: Run, arguments: &Arguments, lines: &mut Lines) -> Result<
     let scenario = arguments.scenario.as_ref().zip(result.as_ref().ok());
     let mut notes = scenario.map_or_else(Vec::new, |(scenario, outcome)| scenario.ended_early(outcome));
     if !has_symbols {
-        notes.push("no symbols: of a stripped image neither the log nor a panic can be read".into());
+        notes.push("no symbols: neither the log nor a panic of a stripped image can be read".into());
     }
     let is_named = arguments.scenario.as_deref().is_some_and(Scenario::names_crystal);
     if outcome_of(&result).is_some_and(|outcome| outcome.crystal_started) && !is_named {
         notes.push(format!(
-            "the image started a crystal, which was taken to have {crystal} MHz: a scenario with [clock] crystal_hz \
-             names another"
+            "the image started a crystal, which is assumed to have {crystal} MHz: a scenario with [clock] crystal_hz \
+             can set another frequency"
         ));
     }
     Ok(Session {

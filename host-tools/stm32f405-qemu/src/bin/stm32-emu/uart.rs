@@ -47,17 +47,21 @@ impl Way {
 pub(crate) fn way(text: &str) -> Result<Way, String> {
     let (port, to) = text
         .split_once('=')
-        .ok_or("give a UART and where it leads: USART2=stdout")?;
+        .ok_or("give a UART and what to connect it to: USART2=stdout")?;
     let port = port.to_ascii_uppercase();
     if !PORTS.contains(&&*port) {
-        return Err(format!("{port} is none of {}", PORTS.join(", ")));
+        return Err(format!("{port} is not a UART; give one of {}", PORTS.join(", ")));
     }
     let to = match to.split_once(':') {
         None if to == "stdout" => Where::Stdout,
         None if to == "pty" => Where::Pty,
         Some(("tcp", address)) => Where::Tcp(address.into()),
         Some(("file", path)) if !path.is_empty() => Where::File(path.into()),
-        _ => return Err(format!("{to:?} is none of stdout, pty, tcp:HOST:PORT, file:PATH")),
+        _ => {
+            return Err(format!(
+                "{to:?} is not a connection; give stdout, pty, tcp:HOST:PORT or file:PATH"
+            ));
+        }
     };
     Ok(Way { port, to })
 }
@@ -126,7 +130,7 @@ fn open(way: &Way) -> Result<Open, RunError> {
     let port = way.port.clone();
     let failed = |what: String, error: &dyn std::fmt::Display| {
         RunError::Input(format!(
-            "{port} cannot lead to {what}: {error}; give another place"
+            "{port} cannot connect to {what}: {error}; give another place"
         ))
     };
     let (out, input): (Box<dyn Write>, _) = match &way.to {

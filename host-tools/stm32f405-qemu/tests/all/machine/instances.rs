@@ -268,8 +268,8 @@ fn a_usart_without_pins_sends_nothing_hears_nothing_and_says_so() {
     bench.pass(100_000);
     assert_eq!((bench.board.frames.len(), bench.has_line(37)), (0, false));
     let expected = [
-        "USART1 CR1.RE: bytes came, and no pin is its receiver",
-        "USART1 CR1.TE: it sends, and no pin is its transmitter: nothing leaves the part",
+        "USART1 CR1.RE: bytes came, but no pin is set as its receiver",
+        "USART1 CR1.TE: it sends, but no pin is set as its transmitter: nothing leaves the part",
     ];
     assert_eq!(bench.outcome().unmodelled, expected);
 }
@@ -385,8 +385,8 @@ fn a_stream_that_waits_for_a_request_that_no_model_makes_is_noted_by_its_name() 
         bench.set(at, [(0x00, 0), (0x04, 8), (0x00, channel << 25 | 1)]);
     }
     let expected = [
-        "DMA2 S3CR: the stream waits for SDIO, which no model requests",
-        "DMA2 S6CR: the stream waits for SDIO, which no model requests",
+        "DMA2 S3CR: the stream waits for SDIO, a request that no model makes",
+        "DMA2 S6CR: the stream waits for SDIO, a request that no model makes",
     ];
     assert_eq!(bench.outcome().unmodelled, expected);
 }

@@ -124,8 +124,8 @@ fn wires_lead_outputs_to_inputs_and_an_input_without_one_keeps_its_own_codes() {
     assert_eq!(
         bench.outcome().unmodelled,
         [
-            "DAC CR.BOFF is clear: the output ends 0.2 V before the rails, as with full load; with less silicon \
-             comes closer",
+            "DAC CR.BOFF is clear: the output ends 0.2 V before the rails, as under full load; under less load, \
+             silicon comes closer",
             "ADC1 channel 4 (pin PA4) has no stimulus: it reads 0",
         ]
     );

@@ -7,9 +7,9 @@ use crate::cli::commands::prelude::*;
 use bead_spectra::strike::Sensors;
 
 const AFTER_HELP: &str = "\
-The signals are those of `bead export`: SI units, both gains merged, filter and delay taken out, relative to the \
-quiet before the trigger. Of several strikes a table shows mean, scatter and envelope; --out has each strike. What \
-is railed or cut, or misses samples, is left out and named.
+The signals are those of `bead export`: SI units, both gains merged, filter and delay removed, relative to the \
+quiet before the trigger. For several strikes the table shows mean, scatter and envelope; --out has each strike. \
+Strikes that are railed or cut, or that miss samples, are left out and named.
 
 Examples:
   bead analyse srs run/bead-8.mcap
@@ -31,7 +31,7 @@ pub(crate) struct Arguments {
 pub(super) enum SpectrumCommand {
     /// Shock response spectrum of the acceleration (ISO 18431-4).
     Srs(ShockArguments),
-    /// Power spectral density by Welch, with the windows of ISO 18431-2.
+    /// Power spectral density by Welch's method, with the windows of ISO 18431-2.
     Psd(DensityArguments),
     /// Fourier transform of the window.
     Fft(FourierArguments),
@@ -44,13 +44,13 @@ pub(super) enum SpectrumCommand {
 pub(super) struct Common {
     #[command(flatten)]
     pub(super) strikes: StrikeChoice,
-    /// Lowest frequency, Hz [default: the lowest of which the window holds a period].
+    /// Lowest frequency, Hz [default: that of one period in the window].
     #[arg(long, value_name = "HZ", value_parser = positive)]
     pub(super) from: Option<f64>,
     /// Highest frequency, Hz [default: a tenth of the sampling rate].
     #[arg(long, value_name = "HZ", value_parser = positive)]
     pub(super) to: Option<f64>,
-    /// Take strikes too that are railed, cut, or too short for --from.
+    /// Also take strikes that are railed, cut, or too short for --from.
     #[arg(long)]
     pub(super) doubtful: bool,
     /// Take the uncertainties that these settings state in place of those in the recording.
@@ -59,7 +59,7 @@ pub(super) struct Common {
     /// Unit of accelerations in table, JSON and picture.
     #[arg(long, value_enum, default_value_t)]
     pub(super) unit: AccelerationUnit,
-    /// Write the spectrum of each strike as a table in SI units, Parquet or, to a name with .csv, CSV.
+    /// Write the spectrum of each strike as a table in SI units: Parquet, or CSV if the name ends in .csv.
     #[arg(long, value_name = "F.parquet|F.csv")]
     pub(super) out: Option<PathBuf>,
     /// Draw the spectrum.
@@ -93,7 +93,7 @@ pub(super) struct ShockArguments {
     /// Quality of the oscillators, 1/(2ζ): 10 is 5 % of critical damping.
     #[arg(long, value_name = "Q", default_value = "10", value_parser = quality)]
     pub(super) q: f64,
-    /// Natural frequencies in an octave; one is 1 kHz.
+    /// Natural frequencies per octave; one of them is 1 kHz.
     #[arg(long, value_name = "N", default_value = "12", value_parser = clap::value_parser!(u32).range(1..=96))]
     pub(super) per_octave: u32,
 }
@@ -153,7 +153,7 @@ pub(super) enum SegmentWindow {
     Hann,
     /// For the amplitude of a tone.
     FlatTop,
-    /// None.
+    /// No window.
     Rectangular,
 }
 

@@ -56,7 +56,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     {
         bail!(
             Input,
-            "--from {from} is above --to {to}; give the lower frequency first"
+            "--from {from} is above --to {to}; give the lower frequency as --from"
         );
     }
     let inputs: Vec<&Path> = common

@@ -142,7 +142,7 @@ fn nothing(of: &Gathered<'_>, beads: &[Bead]) -> Failure {
     {
         let more = match count_of_left_out {
             1 => String::new(),
-            more => format!(" ({} more are left out)", more - 1),
+            more => format!(" ({} more left out)", more - 1),
         };
         return failure!(Input, "{recording}: strike {strike}: {why}{more}");
     }

@@ -96,19 +96,19 @@ fn transfer(points: &[TransferPoint]) -> String {
 /// Limits of the numbers, in lines.
 fn limits(report: &AnalyseReport, bead: &BeadSpectrum) -> String {
     let mut lines = vec![format!(
-        "from {:.1} Hz, of which a period fits into the window, to {:.0} Hz at {:.0} samples a second",
+        "from {:.1} Hz, one period in the window, to {:.0} Hz at {:.0} samples a second",
         bead.lowest_hz, bead.highest_hz, bead.sample_rate_hz
     )];
     lines.push(match bead.gain_uncertainty {
         Some(part) => format!("u of the scale: {:.2} %, up to 5 kHz", 100.0 * part),
-        None => "u: unknown, as the settings do not state it or a flag doubts the scale".to_owned(),
+        None => "u: unknown, as the settings do not state it or a flag casts doubt on the scale".to_owned(),
     });
     if !report.is_of_force() {
         let zero = number(bead.zero_uncertainty_mps2);
         lines.push(format!("zero of the acceleration: ± {zero} m/s² (u)"));
     }
     if let (Points::Transfer(_), 1) = (&bead.points, bead.strikes.len()) {
-        lines.push("coherence takes two strikes at least".to_owned());
+        lines.push("coherence needs at least two strikes".to_owned());
     }
     lines.join("\n")
 }

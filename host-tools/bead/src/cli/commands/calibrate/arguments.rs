@@ -13,13 +13,13 @@ use crate::cli::waveform_options::WaveformOptions;
 
 const AFTER_HELP: &str = "\
 A quantity that you state has its unit and its standard uncertainty (k = 1): 3.046g±1mg, 100mm±0.3%, 9.812±0.001. A \
-number without a unit is in the SI unit; +- does for ±. A certificate that states an expanded uncertainty with k = 2 \
-means twice that.
+number without a unit is in the SI unit; +- may replace ±. If a certificate states an expanded uncertainty with k = 2, \
+give half of it.
 
 Each procedure evaluates recordings or tables. With --port it records first, and says what to do when; with --from \
-simulated it runs on a simulated bead, so that you can learn it without hardware, and says what the truth was.
+simulated it runs on a simulated bead, so that you can learn it without hardware, and prints the true values.
 
---update F.toml puts value, uncertainty, correlations, day and certificate into a bead's settings, between your own \
+--update F.toml puts value, uncertainty, correlations, day and certificate into a bead's settings file, and keeps your \
 comments; `bead settings write F.toml --port P` then sends them. --page writes the certificate.
 
 Exit status 1 if a check fails, such as two heights that disagree: nothing is then put into the settings.
@@ -77,10 +77,10 @@ pub(super) struct Common {
     /// Day of the calibration [default: today, in UTC].
     #[arg(long, value_name = "DATE", value_parser = day)]
     pub(super) date: Option<Day>,
-    /// Last day on which it holds.
+    /// Last day on which the calibration holds.
     #[arg(long, value_name = "DATE", value_parser = day)]
     pub(super) valid_until: Option<Day>,
-    /// State whether the settings before were within this tolerance: 1% or 0.01.
+    /// State whether the previous settings were within this tolerance: 1% or 0.01.
     #[arg(long, value_name = "PART", value_parser = part)]
     pub(super) tolerance: Option<f64>,
     /// Go on with an expired certificate of a reference. The page then says so.
@@ -102,13 +102,13 @@ pub(super) struct SourceOptions {
     /// Bits a second of a serial port.
     #[arg(long, default_value_t = 2_000_000, value_parser = clap::value_parser!(u32).range(1..))]
     pub(super) baud: u32,
-    /// Run the procedure on a bead without hardware first; files that are named get its recordings.
+    /// Run the procedure on a bead without hardware first; its recordings go to the files that are named.
     #[arg(long, value_enum)]
     pub(super) from: Option<MadeUpBead>,
-    /// Seed of the truth and of the noise of such a bead: the same seed gives the same recording.
+    /// With --from: seed of the true values and of the noise; the same seed gives the same recording.
     #[arg(long, value_name = "S", default_value_t = 1)]
     pub(super) seed: u64,
-    /// Only the bead with this address, of recordings of several.
+    /// Only the bead with this address, from recordings of several beads.
     #[arg(long, value_name = "N")]
     pub(super) bead: Option<u8>,
 }
@@ -156,13 +156,13 @@ pub(super) struct DropArguments {
 /// `bead calibrate ring-down`.
 #[derive(Debug, Args)]
 pub(super) struct RingDownArguments {
-    /// Recordings of taps. With --port or --from the one is made.
+    /// Recordings of taps. With --port or --from a single one is made.
     #[arg(value_name = "F.mcap")]
     pub(super) recordings: Vec<PathBuf>,
     /// Mass of the intruder [default: that of the settings, if they state its uncertainty].
     #[arg(long, value_name = "MASS±U", value_parser = mass)]
     pub(super) intruder_mass: Option<Stated>,
-    /// Mass of the bead with its intruder [default: the same].
+    /// Mass of the bead with its intruder [default: that of the settings, if they state its uncertainty].
     #[arg(long, value_name = "MASS±U", value_parser = mass, conflicts_with = "held")]
     pub(super) bead_mass: Option<Stated>,
     /// The bead is held fast, and does not swing against the intruder.
@@ -180,16 +180,16 @@ pub(super) struct RingDownArguments {
 /// Points of a shaker, for the procedures on one.
 #[derive(Debug, Args)]
 pub(super) struct PointOptions {
-    /// A CSV table of frequency, reference rms and what was measured, which --port makes; or a folder of
-    /// steady tones, each as scans-NAME.csv of `bead command raw` beside the reference's record,
+    /// A CSV table of frequency, reference rms and measured value, which --port makes; or a folder of steady
+    /// tones: for each, scans-NAME.csv from `bead command raw`, and the reference's record,
     /// reference-NAME.csv, .wav or .parquet.
     #[arg(value_name = "TABLE.csv|FOLDER")]
     pub(super) points: PathBuf,
     /// Relative standard uncertainty of the reference accelerometer, by its certificate: 0.5%.
     #[arg(long, value_name = "PART", value_parser = part)]
     pub(super) reference_u: f64,
-    /// Measure the tones first, at the bead on a serial port or pty, tcp:HOST:PORT or unix:PATH; frequency
-    /// and rms of the reference are typed.
+    /// Measure the tones first, with the bead on a serial port or pty, tcp:HOST:PORT or unix:PATH; you type
+    /// the frequency and the reference's rms.
     #[arg(long, value_name = "P", conflicts_with = "from")]
     pub(super) port: Option<Address>,
     /// Bits a second of a serial port.
@@ -198,7 +198,7 @@ pub(super) struct PointOptions {
     /// Make the folder first, with a simulated bead on a simulated shaker.
     #[arg(long, value_enum)]
     pub(super) from: Option<SimulatedShaker>,
-    /// Seed of the truth and of the noise of such a bead.
+    /// With --from: seed of the true values and of the noise.
     #[arg(long, value_name = "S", default_value_t = 1)]
     pub(super) seed: u64,
 }
@@ -239,7 +239,7 @@ pub(super) enum SimulatedShaker {
 pub(super) struct ReferenceArguments {
     #[command(flatten)]
     pub(super) points: PointOptions,
-    /// Frequency of the gain, Hz; the others show the flatness.
+    /// Frequency at which the gain is taken, Hz; the other points show the flatness.
     #[arg(long, value_name = "HZ", default_value = "160", value_parser = positive)]
     pub(super) at: f64,
     /// For points in V: supply of the converter.
@@ -248,7 +248,7 @@ pub(super) struct ReferenceArguments {
     /// For points in V: the divider, Rb/(Ra + Rb).
     #[arg(long, value_name = "PART±U", value_parser = number)]
     pub(super) divider: Option<Stated>,
-    /// For points in V: the amplifier's gain, of the channel at the high gain.
+    /// For points in V: the amplifier's gain in the high-gain channel.
     #[arg(long, value_name = "GAIN±U", value_parser = number)]
     pub(super) amplifier: Option<Stated>,
     /// For points in codes: the accelerometer is open, fixed to the reference, and not on its springs.
@@ -291,7 +291,7 @@ pub(super) struct ShakerArguments {
 /// `bead calibrate about`.
 #[derive(Debug, Args)]
 pub(super) struct AboutArguments {
-    /// The file.
+    /// The file to write.
     #[arg(value_name = "A.toml")]
     pub(super) file: PathBuf,
     #[command(flatten)]
@@ -363,7 +363,7 @@ fn high_pass(text: &str) -> Result<HighPass, String> {
     }
     let tau = Dimension::Time.parse(text)?.positive()?;
     if tau.value < 0.05 {
-        return Err("give 0.05 s or more, or 0 for none: a shorter one would eat the pulse".to_owned());
+        return Err("give 0.05 s or more, or 0 for none: a shorter one would distort the pulse".to_owned());
     }
     Ok(HighPass(Some(tau)))
 }

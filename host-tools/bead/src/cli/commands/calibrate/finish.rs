@@ -55,13 +55,13 @@ impl Prepared {
         let calibrated = common.date.or_else(today).ok_or_else(|| {
             failure!(
                 Input,
-                "this computer's clock is of no day from 2020 on; give the day with --date"
+                "this computer's clock shows no day from 2020 on; give the day with --date"
             )
         })?;
         let mut doubts = Vec::new();
         if let Some(expired) = about.expired(calibrated) {
             if !common.doubtful {
-                bail!(Input, "{expired}, or go on with --doubtful, and the page says so");
+                bail!(Input, "{expired}, or go on with --doubtful; the page says so");
             }
             note!("{expired}");
             doubts.push(expired);
@@ -172,7 +172,7 @@ impl Prepared {
             };
             failure!(
                 Input,
-                "{error}{day}; {name} is as it was, and these results are not in it"
+                "{error}{day}; {name} is unchanged, and these results are not in it"
             )
         })?;
         file.target().write_bytes(text)?;
@@ -183,7 +183,7 @@ impl Prepared {
     fn say(&self, report: &CalibrateReport) {
         for truth in report.truth.iter().flatten() {
             note!(
-                "the truth of this bead: {} {:.6e}; the result is {:+.2} U from it",
+                "the true {} of this bead is {:.6e}; the result deviates from it by {:+.2} U",
                 truth.result,
                 truth.value,
                 truth.deviation_over_expanded
@@ -192,8 +192,8 @@ impl Prepared {
         let Some(file) = &self.settings else { return };
         let name = file.path.display();
         match report.changes.len() {
-            0 => note!("{name} is as it was"),
-            keys => note!("{name}: {keys} keys are new; send them: bead settings write {name} --port P"),
+            0 => note!("{name} is unchanged"),
+            keys => note!("{name}: {keys} keys have changed; send them: bead settings write {name} --port P"),
         }
     }
 }
@@ -207,7 +207,7 @@ impl SettingsFile {
         let text = read_text(path, "a file that `bead settings make --template` wrote")?;
         let settings = physical::parse(&text, &shown.to_string())?;
         if path.metadata().is_ok_and(|found| found.permissions().readonly()) {
-            bail!(Input, "{shown} may not be written to; give --update another file");
+            bail!(Input, "{shown} is read-only; give --update another file");
         }
         let file = Self {
             path: path.to_owned(),

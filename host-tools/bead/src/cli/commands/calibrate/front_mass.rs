@@ -38,8 +38,8 @@ pub(super) fn run(arguments: &FrontMassArguments) -> Result<(), Failure> {
     if gathered.points.measured == Measured::Codes && force_gain_u.is_none() {
         bail!(
             Input,
-            "the force's gain has no uncertainty yet: find it first by `bead calibrate drop --update BEAD.toml` and give \
-             that file here, or state it: --force-gain-u 0.2%"
+            "the force's gain has no uncertainty yet: find it first with `bead calibrate drop --update BEAD.toml` and \
+             give --update that file here, or state it: --force-gain-u 0.2%"
         );
     }
     let mut calibration = evaluate(&gathered.points, &stated).map_err(Failure::input)?;

@@ -35,7 +35,7 @@ pub(super) fn record(port: &Address, baud: u32, target: &Target, prompt: &Prompt
     let open = open_all(&[Some(port.clone())], baud, note).map_err(|why| failure!(Device, "{why}"))?;
     let (addresses, ports): (Vec<_>, Vec<_>) = open.into_iter().unzip();
     let stop = interrupt::orderly(format!(
-        "what came is in {}.partial, for `bead recover`",
+        "the frames received so far are in {}.partial, for `bead recover`",
         target.path().display()
     ));
     let mut guide = Guide {

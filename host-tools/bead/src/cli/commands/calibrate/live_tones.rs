@@ -37,7 +37,7 @@ pub(super) fn record(
         }
         let Some((frequency, reference)) = typed(&line) else {
             note!(
-                "this is no frequency in Hz with an rms in m/s²; type two numbers above 0, such as: 80 35.2"
+                "this is not a frequency in Hz and an rms in m/s²; type two numbers above 0, such as: 80 35.2"
             );
             continue;
         };
@@ -66,7 +66,7 @@ pub(super) fn record(
     if points.len() < FEWEST {
         bail!(
             Input,
-            "{} tones came, and a calibration takes {FEWEST} at least; shake, and type a line for each",
+            "a calibration needs at least {FEWEST} tones, and {} came; shake, and type a line for each",
             points.len()
         );
     }

@@ -44,7 +44,7 @@ pub(super) fn gather(path: &Path, choice: &Choice, channel: Channel, pole: f64) 
         progress.inc(1);
         let subject = name_of(scan);
         let Some(reference) = references.get(name) else {
-            let why = format!("there is no {REFERENCE}{name}.csv, .wav or .parquet beside it");
+            let why = format!("there is no {REFERENCE}{name}.csv, .wav or .parquet next to it");
             left_out.push(LeftOut { subject, why });
             continue;
         };

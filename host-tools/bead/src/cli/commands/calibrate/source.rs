@@ -37,12 +37,12 @@ pub(super) fn strikes(path: &Path, bead: Option<u8>) -> Result<Vec<RecordedStrik
     if strikes.len() > MOST {
         bail!(
             Input,
-            "{shown} has more than {MOST} strikes; record a calibration by itself"
+            "{shown} has more than {MOST} strikes; record each calibration in a file of its own"
         );
     }
     if strikes.is_empty() {
         return Err(match bead {
-            Some(bead) => failure!(Input, "--bead {bead}: {shown} has no strike of it"),
+            Some(bead) => failure!(Input, "--bead {bead}: {shown} has no strike from this bead"),
             None => no_strike(&received),
         });
     }

@@ -6,17 +6,17 @@ use bead_line::port::Address;
 const AFTER_HELP: &str = "\
 Settings and kept strikes stay: only the sectors that the image covers are erased.
 
---port alone sends the image over the bead's own line, while it lies where it is. The image must be signed, \
-as `cargo xtask build` does. The bead takes no samples meanwhile, tries the image, and goes back to the one \
-before unless the new one passes its self-test. If the line is cut, run the same command again.
+--port without --rom sends the image over the bead's own line, with the bead in place. The image must be \
+signed, as `cargo xtask build` does. Meanwhile the bead takes no samples. It tries the new image, and returns \
+to the old one unless the new one passes its self-test. If the line is cut, run the same command again.
 
---probe looks at the part and its option bytes, flashes, compares, and resets. It needs probe-rs \
-(`cargo install probe-rs-tools --locked`).
+--probe checks the part and its option bytes, flashes the image, compares it, and resets the part. It needs \
+probe-rs (`cargo install probe-rs-tools --locked`).
 
---rom speaks with the loader that ST has put into the part, over the bead's serial line: the rescue of a bead \
-that does not start. Put BOOT0 to 3.3 V and reset the board first: docs/hardware.md#flashing.
+--rom uses the loader that ST has put into the part, over the bead's serial line: it rescues a bead that does \
+not start. Connect BOOT0 to 3.3 V and reset the board first: docs/hardware.md#flashing.
 
-Exit status 2 if the image or the board is the wrong one, 3 if probe, part or line fail.
+Exit status 2 if the image or the board is the wrong one, 3 if probe, part or line fails.
 
 Examples:
   bead flash --port /dev/ttyUSB0
@@ -37,10 +37,10 @@ pub(crate) struct Arguments {
     /// Flash over the serial line, with the part's own loader.
     #[arg(long, requires = "port")]
     pub(crate) rom: bool,
-    /// The board: a row of firmware/boards.txt. Named, it also replaces the image for another one.
+    /// The board, a row of firmware/boards.txt. If given, even the image for another board is replaced.
     #[arg(long, value_name = "NAME")]
     pub(crate) board: Option<String>,
-    /// Take the probe with this serial number, of several.
+    /// Use the probe with this serial number if there are several.
     #[arg(long, value_name = "S", requires = "probe")]
     pub(crate) serial: Option<String>,
     /// Hold the part in reset while the probe connects: for a part whose image cuts the probe off. Needs
@@ -50,19 +50,19 @@ pub(crate) struct Arguments {
     /// Set the part's brown-out reset to level 3, as a bead needs it. It stays set.
     #[arg(long, requires = "probe")]
     pub(crate) brownout: bool,
-    /// Print the commands of probe-rs, and run none.
+    /// Print the commands of probe-rs without running them.
     #[arg(long, requires = "probe", conflicts_with = "format")]
     pub(crate) dry_run: bool,
     /// The bead's serial port, or the loader's: a port or pty, tcp:HOST:PORT or unix:PATH.
     #[arg(long, value_name = "P")]
     pub(crate) port: Option<Address>,
-    /// Bits a second of a serial port [default: 2000000, and 115200 of the loader, which is its fastest].
+    /// Bits a second of a serial port [default: 2000000, or 115200 with --rom, the fastest of the loader].
     #[arg(long, requires = "port", value_parser = clap::value_parser!(u32).range(1200..))]
     pub(crate) baud: Option<u32>,
     /// Send the image to the bead with this address only, 0 to 254 [default: the bead on the line].
     #[arg(long, value_name = "N", requires = "port", conflicts_with = "rom", value_parser = clap::value_parser!(u8).range(..i64::from(bead_wire::ANY)))]
     pub(crate) address: Option<u8>,
-    /// Sign the requests with the key in this file, as a bead that was given a key wants it.
+    /// Sign the requests with the key in this file, as a bead with a key requires.
     #[arg(long, value_name = "F.key", requires = "port", conflicts_with = "rom")]
     pub(crate) key: Option<PathBuf>,
     /// Let the bead take an image that is older than the one it runs.

@@ -150,7 +150,7 @@ impl FlashImage {
             .map_err(|(at, why)| failure!(Input, "{shown}: its bytes for {at:#010x} {why}; {WANTED}"))?;
         let named = |(start, bytes): &Segment<'_>| Some((sector_of(*start), ImageName::find(bytes)?));
         let Some((start, name)) = segments.iter().find_map(named) else {
-            bail!(Input, "{shown}: this is no image of a bead; {WANTED}");
+            bail!(Input, "{shown}: this is not an image of a bead; {WANTED}");
         };
         let mut blocks = BTreeMap::new();
         for (start, bytes) in segments {
@@ -198,8 +198,8 @@ impl FlashImage {
         match there {
             Some(there) if there.board != self.name.board && board.is_none() => bail!(
                 Input,
-                "the board has the image for {there}, and this one is for {}, which has other pins; nothing was \
-                 flashed; give --board {} for the board that it is, or --board {} if it is not",
+                "the board has the image {there}, but this image is for {}, which has other pins; nothing was \
+                 flashed; name the board that is connected: --board {} or --board {}",
                 self.name.board,
                 there.board,
                 self.name.board
@@ -228,7 +228,7 @@ fn loaded<'a>(elf: &ElfFile32<'a>, bytes: &'a [u8]) -> Result<Vec<Segment<'a>>, 
         if FLASH.contains(&start) && bytes.len() <= (FLASH.end - start) as usize {
             return Ok((start, bytes));
         }
-        Err((start, "are not for the part's flash"))
+        Err((start, "are outside of the part's flash"))
     };
     headers.map(segment).collect()
 }
@@ -257,8 +257,8 @@ fn built_for(board: &str) -> Result<PathBuf, Failure> {
     all.find(is_for).ok_or_else(|| {
         failure!(
             Input,
-            "there is no image for {board} here; `cargo xtask build {board}` builds it, or says why it cannot be; a \
-             release has those of all boards in its folder firmware"
+            "there is no image for {board} here; `cargo xtask build {board}` builds it, or says why it cannot; a \
+             release has the images of all boards in its folder firmware"
         )
     })
 }

@@ -26,7 +26,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     output::print(arguments.format, &report, || report::table(&report))?;
     if report.brown_out_level.is_some_and(|level| level != 3) {
         note!(
-            "the brown-out reset is at level {}: a bead wants 3, or a core that runs at 2 V may read flash wrongly; \
+            "the brown-out reset is at level {}: a bead needs level 3, since a core at 2 V may read flash wrongly; \
              --brownout sets it",
             report.brown_out_level.unwrap_or_default()
         );

@@ -84,7 +84,7 @@ pub(crate) fn run(arguments: &Arguments, image: &FlashImage) -> Result<Option<Fl
         options = set_brown_out_reset(&probe, options)?;
     }
     let bar = output::spinner(format!("flashing {}", image.name));
-    interrupt::resumable("the image may not be whole in flash; run the same command again".to_owned());
+    interrupt::resumable("the image in flash may be incomplete; run the same command again".to_owned());
     probe.flash(&image.path)?;
     bar.finish_and_clear();
     let after = ImageName::read_at(image.start, read)?;
@@ -95,7 +95,7 @@ pub(crate) fn run(arguments: &Arguments, image: &FlashImage) -> Result<Option<Fl
     if after.as_ref() != Some(&image.name) {
         bail!(
             Device,
-            "flash has been written and compared, and does not hold the name of the image, {}; flash it again",
+            "flash was written and compared, but does not contain the name of the image, {}; flash it again",
             image.name
         );
     }
@@ -119,15 +119,15 @@ fn check_options(options: OptionBytes, image: &FlashImage) -> Result<(), Failure
     if options.0 & OptionBytes::RESERVED != 0 {
         bail!(
             Device,
-            "the part's option bytes read {options}, which they cannot be: something is wrong between probe and part; \
+            "the part's option bytes read as {options}, which is impossible: something is wrong between probe and part; \
              nothing was flashed; shorter wires, or PROBE_RS_SPEED=1000, may help"
         );
     }
     if options.read_protection() != 0 {
         bail!(
             Input,
-            "the part is locked (read protection level {}): no probe reads or writes its flash; nothing was flashed; \
-             `STM32_Programmer_CLI -c port=SWD -rdu` unlocks it, and erases all of it, with settings and strikes",
+            "the part is locked (read protection level {}): no probe can read or write its flash; nothing was flashed; \
+             `STM32_Programmer_CLI -c port=SWD -rdu` unlocks it, but erases all of it, with settings and strikes",
             options.read_protection()
         );
     }
@@ -138,8 +138,8 @@ fn check_options(options: OptionBytes, image: &FlashImage) -> Result<(), Failure
     {
         Some(number) => bail!(
             Input,
-            "sector {number} of the part's flash is protected from writing, and the image covers it; nothing was flashed; \
-             `STM32_Programmer_CLI -c port=SWD -ob nWRP{number}=1` lifts that"
+            "sector {number} of the part's flash is write-protected, and the image covers it; nothing was flashed; \
+             `STM32_Programmer_CLI -c port=SWD -ob nWRP{number}=1` removes the protection"
         ),
         None => Ok(()),
     }
@@ -162,13 +162,13 @@ fn set_brown_out_reset(probe: &ProbeRs, found: Option<OptionBytes>) -> Result<Op
     if again != found {
         bail!(
             Device,
-            "the part's option bytes read differently twice: something is wrong between probe and part; nothing was \
+            "two reads of the part's option bytes differ: something is wrong between probe and part; nothing was \
              changed; shorter wires, or PROBE_RS_SPEED=1000, may help"
         );
     }
     if again.is_none() {
         output::print_line(
-            "# for the option bytes of a new part; only the level changes in those of others:",
+            "# for the option bytes of a new part; on other parts, too, only the level changes:",
         )?;
     }
     let wanted = again.unwrap_or(OptionBytes(0x0fff_aaed)).with_brown_out_reset();
@@ -180,8 +180,8 @@ fn set_brown_out_reset(probe: &ProbeRs, found: Option<OptionBytes>) -> Result<Op
     match read_options(probe)? {
         Some(options) if options.with_brown_out_reset() != wanted || options.brown_out_level() != 3 => bail!(
             Device,
-            "the part did not take brown-out level 3, its option bytes are {options}; the image was not flashed; \
-             `STM32_Programmer_CLI -c port=SWD -ob BOR_LEV=0` sets it; then leave --brownout out"
+            "the part did not take brown-out level 3: its option bytes are {options}; the image was not flashed; \
+             `STM32_Programmer_CLI -c port=SWD -ob BOR_LEV=0` sets the level; then leave --brownout out"
         ),
         other => Ok(other),
     }

@@ -32,19 +32,19 @@ impl ProbeRs {
             (Some(probe), None, _) => probe,
             (Some(_), Some(_), None) => bail!(
                 Input,
-                "there are several debug probes ({}); give one of them by --serial, or unplug the others",
+                "there are several debug probes ({}); choose one with --serial, or unplug the others",
                 all()
             ),
             (Some(_), Some(_), Some(serial)) => bail!(
                 Input,
-                "several debug probes have the serial number {serial} ({}); give vendor, product and serial number as \
-                 they stand there",
+                "several debug probes have the serial number {serial} ({}); give --serial one of these names with vendor \
+                 and product",
                 all()
             ),
             (None, _, Some(serial)) if !probes.is_empty() => {
                 bail!(
                     Input,
-                    "no debug probe has the serial number {serial}; there are {}",
+                    "no debug probe has the serial number {serial}; connected: {}",
                     all()
                 )
             }
@@ -85,7 +85,7 @@ impl ProbeRs {
             Ok(read) if read.len() == words => Ok(Some(read)),
             _ => bail!(
                 Device,
-                "probe-rs read {words} words at {address:#010x} and said something else: {}; `probe-rs --version` \
+                "probe-rs was to read {words} words at {address:#010x}, but answered: {}; `probe-rs --version` \
                  should be 0.24 or later",
                 shortly(&said)
             ),
@@ -171,7 +171,7 @@ fn run(words: &[String]) -> Result<String, Failure> {
     let output = command.output().map_err(|error| match error.kind() {
         std::io::ErrorKind::NotFound => failure!(
             Input,
-            "there is no probe-rs in PATH: `cargo install probe-rs-tools --locked` installs it, and so do the programs on \
+            "probe-rs is not in PATH: `cargo install probe-rs-tools --locked` installs it, as do the installers on \
              https://probe.rs; without a probe, `bead flash --rom` flashes over the serial line"
         ),
         _ => failure!(Device, "probe-rs does not run ({error})"),
@@ -199,16 +199,16 @@ fn advice(why: &str) -> String {
         .iter()
         .any(|word| lower.contains(word))
     {
-        "the probe may not be opened: on Linux it needs udev rules, see \
+        "no permission to open the probe: on Linux it needs udev rules, see \
          https://probe.rs/docs/getting-started/probe-setup/"
     } else if ["busy", "in use", "claim"]
         .iter()
         .any(|word| lower.contains(word))
     {
-        "another program has the probe: end that one"
+        "another program uses the probe: end that program"
     } else {
-        "the part has to have supply, and SWDIO, SWCLK and ground to lead to the probe; if they do, wire NRST and give \
-         --under-reset; a part at read protection level 2 answers no probe any more, and cannot be flashed"
+        "check that the part is powered, and that SWDIO, SWCLK and ground are wired to the probe; if so, wire NRST too and \
+         give --under-reset; a part at read protection level 2 answers no probe, and cannot be flashed"
     };
     format!("{said}; {next}")
 }

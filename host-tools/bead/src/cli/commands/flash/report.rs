@@ -33,12 +33,12 @@ pub(crate) fn table(report: &FlashReport) -> String {
         sectors,
         bytes,
     } = report;
-    let level = brown_out_level.map_or("not shown on this way".to_owned(), |level| {
+    let level = brown_out_level.map_or("not shown by the loader".to_owned(), |level| {
         format!("level {level}")
     });
     let before = before
         .as_ref()
-        .map_or("none that has a name".to_owned(), ToString::to_string);
+        .map_or("none with a name".to_owned(), ToString::to_string);
     let sectors = Vec::from_iter(sectors.iter().map(ToString::to_string)).join(", ");
     output::rows([
         ("part", format!("{part:#x}")),

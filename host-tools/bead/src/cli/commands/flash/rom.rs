@@ -35,7 +35,7 @@ const RESET: [u32; 6] = [
 ];
 
 /// The state of a part whose flashing was interrupted.
-const HALF: &str = "the image is not whole in flash, and the part starts none; run the same command again, with BOOT0 at 3.3 V";
+const HALF: &str = "the image in flash is incomplete, and the part does not start; run the same command again, with BOOT0 at 3.3 V";
 
 /// Rate of the loader's port: up to 115 200 bits a second, which is taken if none is given.
 fn rate(baud: Option<u32>) -> Result<u32, Failure> {
@@ -79,8 +79,8 @@ pub(crate) fn run(arguments: &Arguments, port: &Address, image: &FlashImage) -> 
         if there != *block {
             bail!(
                 Device,
-                "flash and image differ at {address:#010x} after flashing: run the same command again; if it says so \
-                 again, a sector is protected from writing, flash is worn, or the supply is low"
+                "flash and image differ at {address:#010x} after flashing: run the same command again; if they still \
+                 differ, a sector is protected from writing, flash is worn, or the supply is low"
             );
         }
         bar.inc(1);
@@ -88,7 +88,7 @@ pub(crate) fn run(arguments: &Arguments, port: &Address, image: &FlashImage) -> 
     bar.finish_and_clear();
     loader.write(RAM, &RESET.map(u32::to_le_bytes).concat())?;
     loader.go(RAM)?;
-    note!("the part was reset; if BOOT0 is still at 3.3 V, put it to ground and reset the board");
+    note!("the part was reset; if BOOT0 is still at 3.3 V, connect it to ground and reset the board");
     Ok(FlashReport {
         part,
         brown_out_level: None,

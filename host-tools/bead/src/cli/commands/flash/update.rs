@@ -32,7 +32,7 @@ pub(crate) fn run(arguments: &Arguments, port: &Address, image: &FlashImage) -> 
     })?;
     let (baud, key) = (arguments.baud.unwrap_or(BAUD), arguments.key.as_deref());
     let mut bead = open(port, baud, arguments.address, key, TIMEOUT)?;
-    let how = "the bead runs a whole image, the old one or the new one; if it still waits for the rest, it measures \
+    let how = "the bead runs a complete image, the old or the new one; if it still waits for the rest, it measures \
                again in ten seconds; run the same command again";
     interrupt::resumable(how.to_owned());
     let bar = output::progress(file.image.len() as u64);
@@ -40,7 +40,7 @@ pub(crate) fn run(arguments: &Arguments, port: &Address, image: &FlashImage) -> 
     let updated = bead.update(&file, arguments.older, |part| {
         bar.set_position((part * file.image.len() as f64) as u64);
         if part >= 1.0 {
-            bar.set_message("the bead swaps images and checks the new one: some ten seconds");
+            bar.set_message("the bead swaps images and checks the new one: about ten seconds");
         }
     });
     bar.finish_and_clear();
@@ -54,14 +54,14 @@ pub(crate) fn run(arguments: &Arguments, port: &Address, image: &FlashImage) -> 
     if after.identity.git.as_str() != image.name.git {
         bail!(
             Device,
-            "the bead did not take the image: it runs {}, and not {}; run the same command again",
+            "the bead did not take the image: it runs {}, not {}; run the same command again",
             name(&after),
             image.name
         );
     }
     if Manifest::verified(&file.manifest, &DEVELOPMENT_KEY).is_ok() {
         note!(
-            "the image is signed with the development key, which everybody has: anybody can sign another one"
+            "the image is signed with the development key, which everybody has: anybody can sign another image"
         );
     }
     Ok(FlashReport {

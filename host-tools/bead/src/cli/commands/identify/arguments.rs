@@ -12,13 +12,14 @@ const AFTER_HELP: &str = "\
 ring-down, the default: the ringing of the intruder after each tap, once nothing touches the bead, gives k and c. \
 Hang the bead on threads or lay it on foam, out of the chain, and tap its cap (docs/identify.md).
 
-pairs: the acceleration of such a tap follows from the force, and gives the ratio of the gains too.
+pairs: the acceleration of such a tap follows from the force, which gives the ratio of the gains too.
 
 chain, with --scenario: the whole chain is simulated, from the striker to the bead, and k, c, Young's modulus and \
-tau are fitted to the samples of force and acceleration; each strike's speed and moment are found with them.
+tau are fitted to the samples of force and acceleration, together with the speed and time of each strike.
 
-What the data cannot tell apart is held at its start, and said. Standard errors come from the noise before each \
-trigger; u has what held quantities add, as far as [uncertainty] of the settings states it.
+Quantities that the data cannot tell apart are held at their start values, and the result says so. Standard errors \
+come from the noise before each trigger; u includes the uncertainties of held quantities, as far as [uncertainty] of \
+the settings states them.
 
 Examples:
   bead identify taps.mcap
@@ -36,11 +37,11 @@ Examples:
 pub(crate) struct Arguments {
     #[command(flatten)]
     pub(super) strikes: StrikeChoice,
-    /// The chain in which the bead was struck. Its values are those at which the fit begins.
+    /// The chain in which the bead was struck. The fit starts from its values.
     #[arg(long, value_name = "S.toml", conflicts_with_all = ["mounting", "from"])]
     pub(super) scenario: Option<PathBuf>,
-    /// Place of the bead in that chain [default: its address if there is an intruder, or the only one with an
-    /// intruder].
+    /// Place of the bead in that chain [default: its address if that place has an intruder, else the only
+    /// place with one].
     #[arg(long, value_name = "N", requires = "scenario", value_parser = one_bead)]
     pub(super) place: Option<usize>,
     /// The data and their model [default: chain with --scenario, else ring-down].
@@ -57,17 +58,17 @@ pub(crate) struct Arguments {
     /// Begin the fit with these settings in place of those in the recording.
     #[arg(long, value_name = "F.toml|F.settings")]
     pub(super) from: Option<PathBuf>,
-    /// Take the uncertainties that these settings state, of the masses and gains that are held.
+    /// Take the uncertainties of the held masses and gains from these settings.
     #[arg(long, value_name = "F.toml|F.settings")]
     pub(super) uncertainty: Option<PathBuf>,
-    /// Take strikes too that are railed, cut, or met by another wave.
+    /// Also take strikes that are railed, cut, or met by another wave.
     #[arg(long)]
     pub(super) doubtful: bool,
-    /// Write the settings with what was identified, and its uncertainties.
+    /// Write the settings with the identified values and their uncertainties.
     #[arg(long, value_name = "F.toml")]
     pub(super) out_settings: Option<PathBuf>,
-    /// Write the samples of all strikes, measured and computed, as a table: Parquet or, to a name with .csv,
-    /// CSV.
+    /// Write the samples of all strikes, measured and computed, as a table: Parquet, or CSV if the name
+    /// ends in .csv.
     #[arg(long, value_name = "F.parquet|F.csv")]
     pub(super) out: Option<PathBuf>,
     /// Draw the loudest strike before and after the fit.
@@ -136,6 +137,6 @@ pub(super) enum MountingOption {
 fn quantity(text: &str) -> Result<Quantity, String> {
     Quantity::named(text).ok_or_else(|| {
         let names: Vec<_> = QUANTITIES.iter().map(|one| one.symbol()).collect();
-        format!("give some of {}", names.join(", "))
+        format!("give one or more of {}", names.join(", "))
     })
 }

@@ -29,7 +29,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         let addresses: Vec<u8> = beads.iter().map(|bead| bead.address).collect();
         bail!(
             Input,
-            "settings and picture are those of one bead, and the recordings have the beads {addresses:?}; choose by --bead"
+            "settings and picture are of one bead, but the recordings have the beads {addresses:?}; choose one with --bead"
         );
     }
     let request = Request {
@@ -174,11 +174,11 @@ fn check_method(arguments: &Arguments) -> Result<(), Failure> {
         ),
         (Method::RingDown | Method::Pairs, Some(_)) => bail!(
             Input,
-            "--scenario describes a chain, and the method takes taps at a bead outside of one; leave one of them out"
+            "--scenario describes a chain, but this --method takes taps on a bead outside of a chain; leave one of them out"
         ),
         (Method::Pairs, None) if arguments.mounting == MountingOption::Held => bail!(
             Input,
-            "--method pairs takes a bead that flies freely after a tap; a clamped one does not move: leave out --mounting"
+            "--method pairs takes a bead that flies freely after a tap; a clamped bead does not move: leave out --mounting"
         ),
         _ => Ok(()),
     }

@@ -151,7 +151,7 @@ fn lines(bead: &BeadResult) -> String {
         .collect();
     if !lacking.is_empty() {
         lines.push(format!(
-            "u of {} is unknown: [uncertainty] of the settings does not state that of what was held; give it, or --uncertainty",
+            "u of {} is unknown: [uncertainty] of the settings does not state that of the held quantities; add it, or give --uncertainty",
             lacking.join(", ")
         ));
     }

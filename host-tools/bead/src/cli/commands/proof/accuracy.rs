@@ -8,11 +8,11 @@ use bead_bench::tables::Sensors;
 use bead_compare::sensed::{bead_of, simulate_with_ring_down};
 
 const AFTER_HELP: &str = "\
-The scenario is struck by full spheres of the given radii at the given velocities; all else in it stays. For \
+The scenario is struck by solid spheres of the given radii at the given velocities; all else in it stays. For \
 each cell the flash image runs in QEMU on --strikes strikes, with the noise of the front end: once behind \
 the sensors for weak strikes, and once behind those for strong ones. The error of an estimate is the root \
-mean square over the strikes, relative to the full f64 chain; the worst error stands beside it. Where the \
-bead sees no strike, there is none.
+mean square over the strikes, relative to the full f64 chain; the worst error is next to it. If the bead sees \
+no strike, there is no error.
 
 Exit status 1 if in any cell neither pair of sensors keeps A within 0.5 % and B within 1 % without meeting a \
 rail.
@@ -28,15 +28,15 @@ Examples:
 pub(super) const PAGE: [&str; 2] = [
     "Striker and speed against error",
     "\
-from runs of the flash image in QEMU: 8 strikes a cell unless --strikes says otherwise, each at another phase of the sample
-clock, with noise, by spheres of the striker's material on the chain of the scenario. An error is that of the absorbed energy
-against the full f64 chain, its root mean square over the strikes, in brackets the worst. A is measured by the acceleration,
-B predicted from the force.
+from runs of the flash image in QEMU: 8 strikes a cell unless --strikes says otherwise, each at a different phase of the sample
+clock, with noise, by spheres of the striker's material on the chain of the scenario. Errors are those of the absorbed energy
+against the full f64 chain: the root mean square over the strikes, and in brackets the worst. A is measured by the
+acceleration, B is predicted from the force.
 
-*Weak* and *strong* are the two pairs of sensors that the front end is fitted with ([front-end.md](front-end.md)): 16 N and
-±250 m/s² at the high gain, 256 N and ±4000 m/s² at the low one, with noise of 5 mN and 0.05 m/s²; and six times all that.
-*Railed*: the strike is beyond the low gain's range, and its report says so. The last column but one: whether one of the two
-pairs keeps A within 0.5 % and B within 1 %. The other flags are explained in [estimators.md](estimators.md).
+*Weak* and *strong* are two pairs of sensors that the front end can have ([front-end.md](front-end.md)). *Weak* has 16 N and
+±250 m/s² at the high gain, 256 N and ±4000 m/s² at the low gain, and noise of 5 mN and 0.05 m/s²; *strong* has six times all
+of these. *Railed*: the strike is beyond the low gain's range, and its report says so. The last column but one says whether one
+of the two pairs keeps A within 0.5 % and B within 1 %. The other flags are explained in [estimators.md](estimators.md).
 ",
 ];
 
@@ -54,7 +54,7 @@ pub(crate) struct Arguments {
     /// Velocities of the striker, m/s.
     #[arg(long, value_name = "M/S", value_delimiter = ',', default_values_t = VELOCITIES, value_parser = positive)]
     velocity: Vec<f64>,
-    /// Strikes in each cell, each at another phase of the sample clock.
+    /// Strikes in each cell, each at a different phase of the sample clock.
     #[arg(long, value_name = "K", default_value_t = 8, value_parser = clap::value_parser!(u32).range(2..=1000))]
     strikes: u32,
 }
@@ -87,7 +87,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     if outside > 0 {
         bail!(
             Verdict,
-            "{outside} of {} cells are measured within 0.5 % (A) and 1 % (B) by neither pair of sensors",
+            "in {outside} of {} cells neither pair of sensors keeps A within 0.5 % and B within 1 %",
             cells.len()
         );
     }

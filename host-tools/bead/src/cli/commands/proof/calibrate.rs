@@ -10,12 +10,12 @@ use bead_recording::physical::derived;
 const AFTER_HELP: &str = "\
 Each bead has gains, stiffness, damping and masses of its own, and each rig a ball, heights, an axis and a reference of \
 its own, drawn from what the operator states. Drop test, ring-down, reference, front mass and shaker sweep are \
-evaluated as `bead calibrate` does. Of the intervals of ± U, 95 % have to hold the truth: as many as chance leaves in \
-995 of 1000 such proofs, 89 of 100.
+evaluated as `bead calibrate` does. Of the intervals of ± U, 95 % should contain the truth. Chance may leave fewer: the \
+least number that passes, 89 of 100, is reached in 995 of 1000 such proofs.
 
 The bit-exact code of the bead runs on this computer.
 
-Exit status 1 if fewer do.
+Exit status 1 if fewer intervals contain the truth.
 
 Examples:
   bead proof calibrate
@@ -27,7 +27,7 @@ pub(crate) struct Arguments {
     /// Beads to draw.
     #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(10..=100_000))]
     beads: u32,
-    /// Drops from each of two heights, and taps.
+    /// Number of drops from each of two heights, and of taps.
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(2..=100))]
     repeats: u32,
     /// Seed of the draws and of the noise: the same seed gives the same table.
@@ -72,7 +72,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     short.map_or(Ok(()), |one| {
         Err(failure!(
             Verdict,
-            "{} of {} intervals of {} by {} hold the truth, and {} have to",
+            "{} of {} intervals of {} by {} contain the truth; at least {} must",
             one.covered,
             one.beads,
             one.result,

@@ -10,17 +10,17 @@ use bead_bench::coverage::{Calibrated, Coverage, careful_laboratory, few_are_dou
 const AFTER_HELP: &str = "\
 The true k, c, m, M, gains, kappa and tau of each bead are drawn from the distributions of a calibration, as \
 `bead budget --monte-carlo` draws them, and so are striker and speed. The f64 chain strikes a bead with the \
-true parameters, which measures with the settings of the calibration, noise on. Of the intervals of ± 2 u \
-that the beads send, 92 to 98 % have to hold the truth, and the rank of the truth within the stated normal \
-distribution has to be uniform (chi-squared, p > 0.01). At most 2 % of the beads may flag a doubt: a flag takes \
-those beyond three standard uncertainties.
+true parameters, which measures with the settings of the calibration and with noise. Of the intervals of ± 2 u \
+that the beads send, 92 to 98 % must contain the truth, and the rank of the truth within the stated normal \
+distribution must be uniform (chi-squared, p > 0.01). At most 2 % of the beads may flag a doubt: they do so \
+beyond three standard uncertainties.
 
-Then beads of ten kinds of docs/spheres.md, alone and in rows of ten, are struck with right settings: none \
+Then beads of ten kinds of docs/spheres.md, alone and in rows of ten, are struck with correct settings: none \
 may flag a doubt.
 
-The bit-exact code of the bead runs on this computer; `bead proof silent` plays the image.
+The bit-exact code of the bead runs on this computer; `bead proof silent` runs the image.
 
-Exit status 1 if one of this does not hold.
+Exit status 1 if any of this does not hold.
 
 Examples:
   bead proof coverage
@@ -33,7 +33,7 @@ pub(crate) struct Arguments {
     /// Beads to draw.
     #[arg(long, value_name = "N", default_value_t = 300, value_parser = clap::value_parser!(u32).range(50..=100_000))]
     beads: u32,
-    /// Healthy strikes at each of 20 speeds and places of each of ten kinds of bead; 0 for none.
+    /// Healthy strikes of each of ten kinds of bead at each of 20 speeds and places; 0 for none.
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(0..=1000))]
     strikes: u32,
     /// Seed of the draws and of the noise: the same seed gives the same table.
@@ -126,7 +126,7 @@ impl CoverageProof {
         if let Some(off) = self.coverage.iter().find(|one| !one.holds) {
             bail!(
                 Verdict,
-                "the stated intervals of {} cover the truth of {:.1} % of {} beads, and its ranks are uniform with p = {:.3}",
+                "the stated intervals of {} cover the truth of {:.1} % of {} beads, and the ranks of the truth are uniform with p = {:.3}",
                 off.result,
                 100.0 * off.covered,
                 off.beads,

@@ -6,11 +6,11 @@ use bead_bench::identification::{IdentificationCoverage, Nominal};
 
 const AFTER_HELP: &str = "\
 k, c, Young's modulus, tau and the striker's speed of each bead are drawn within 20 % of the paper's. The f64 \
-chain strikes it, front end and noise make its codes (5 mN, 0.05 m/s²), and `bead identify --scenario` begins at the \
-paper's values. Of the intervals of 95 %, 93 to 97 % have to hold the truth, the rank of the truth within the stated \
-normal distribution has to be uniform (chi-squared, p > 0.01), k has to be within 0.5 % and c within 2 %.
+chain strikes the bead, front end and noise make its codes (5 mN, 0.05 m/s²), and `bead identify --scenario` starts \
+from the paper's values. Of the 95 % intervals, 93 to 97 % must contain the truth, the rank of the truth within the \
+stated normal distribution must be uniform (chi-squared, p > 0.01), k must be within 0.5 % and c within 2 %.
 
-Exit status 1 if one of this does not hold.
+Exit status 1 if any of this does not hold.
 
 Examples:
   bead proof identify
@@ -94,8 +94,8 @@ impl IdentifyProof {
         match self.coverage.iter().find(|one| !one.holds) {
             Some(off) => bail!(
                 Verdict,
-                "the intervals of {} cover the truth of {:.1} % of {} beads, its ranks are uniform with p = {:.3}, and it is \
-                 off by up to {:.3} %",
+                "the intervals of {} cover the truth of {:.1} % of {} beads, the ranks of the truth are uniform with p = {:.3}, \
+                 and the error is up to {:.3} %",
                 off.parameter,
                 100.0 * off.covered,
                 off.beads,

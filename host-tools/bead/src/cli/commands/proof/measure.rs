@@ -52,7 +52,7 @@ pub(super) fn metres(text: &str) -> Result<f64, String> {
     }
     let length = metres * 1e-3;
     Err(format!(
-        "no sphere of a chain has {metres} m; did you mean {metres} mm? give {length}"
+        "{metres} m is too large for a sphere of a chain; did you mean {metres} mm? give {length}"
     ))
 }
 

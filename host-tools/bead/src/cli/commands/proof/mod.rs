@@ -31,14 +31,14 @@ enum Proof {
     Accuracy(accuracy::Arguments),
     /// Tabulate the error of the image's estimates over materials and diameters of spheres.
     Spheres(spheres::Arguments),
-    /// Play strikes at which the bead would be wrong, and see whether a flag names the cause.
+    /// Play strikes at which the bead would be wrong, and check whether a flag names the cause.
     Silent(silent::Arguments),
-    /// Draw beads from a calibration, and see whether their uncertainties cover the truth.
+    /// Draw beads from a calibration, and check whether their uncertainties cover the truth.
     Coverage(coverage::Arguments),
-    /// Calibrate beads and rigs that are drawn, and see whether the uncertainties of the results cover the
+    /// Draw beads and rigs, calibrate them, and check whether the uncertainties of the results cover the
     /// truth.
     Calibrate(calibrate::Arguments),
-    /// Draw beads, identify them from their strikes, and see how far that is off.
+    /// Draw beads, identify them from their strikes, and check how far the results are off.
     Identify(identify::Arguments),
 }
 

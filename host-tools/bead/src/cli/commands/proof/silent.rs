@@ -6,10 +6,11 @@ use bead_bench::image::find_image;
 use bead_bench::silent::{SilentOutcome, cases};
 
 const AFTER_HELP: &str = "\
-Each case is a strike at which an estimate is off, because something is not what the settings say or what the \
-estimates reckon with: a second wave, a drooping supply, a spring that hardens. The flash image runs in QEMU \
-on it, with the noise of the front end. A and B are the greatest errors among the strikes that no flag of the \
-cause explains; a case passes if these are within 3 %, and if every wave is measured, counted or told of.
+Each case is a strike at which an estimate is off, because something differs from the settings or from the \
+assumptions of the estimates: a second wave, a drooping supply, a spring that hardens. The flash image runs \
+in QEMU on it, with the noise of the front end. A and B are the greatest errors among the strikes that no flag \
+of the cause explains; a case passes if these are within 3 %, and if every wave is measured, counted or \
+reported.
 
 Exit status 1 if a case is off without a flag that names its cause.
 
@@ -43,7 +44,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         let known = groups.join(", ");
         bail!(
             Input,
-            "--group {unknown}: no case is of this group; give some of: {known}"
+            "--group {unknown}: there is no such group; give one or more of: {known}"
         );
     }
     let wanted = |group: &str| arguments.group.is_empty() || arguments.group.iter().any(|one| one == group);
@@ -65,7 +66,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-const HEADINGS: [&str; 6] = ["group", "cause", "A (%)", "B (%)", "told", "flags"];
+const HEADINGS: [&str; 6] = ["group", "cause", "A (%)", "B (%)", "pass", "flags"];
 
 fn row(outcome: &SilentOutcome) -> [String; 6] {
     let [a, b] = outcome.errors.map(|part| {

@@ -20,12 +20,12 @@ use bead_compare::front_end::{AnalogFrontEnd, SAMPLE_RATE_HZ};
 use bead_compare::sensed::{RING_DOWN, bead_of, simulate_with_ring_down};
 
 const AFTER_HELP: &str = "\
-Each cell is a chain of equal spheres, as many as the scenario has, struck by one of them at --velocity. Its \
-intruder is the scenario's in units of the sphere: the same part of the mass, or --part of it, and the same \
-frequency and damping in units of the time that a wave takes. The scenario's wall, sections and starts are \
-left out. The flash image runs in QEMU on --strikes strikes, behind sensors whose ranges at the high gain \
-the strike fills to two thirds, with the noise of the reference in codes. Spheres whose waves are too short \
-are refused, and the table says from which diameter on they are not.
+Each cell is a chain of equal spheres, as many as the scenario has, struck by an equal sphere at --velocity. \
+Its intruder is the scenario's in units of the sphere: the same part of the mass, or --part of it, and the \
+same frequency and damping in units of the time that a wave takes. The scenario's wall, sections and starts \
+are left out. The flash image runs in QEMU on --strikes strikes, behind sensors whose ranges at the high gain \
+the strike fills to two thirds, with as many codes of noise as the reference. Spheres whose waves are too \
+short are refused, and the table gives the smallest diameter that is accepted.
 
 Examples:
   bead proof spheres docs/scenarios/paper-strike.toml --bead 8
@@ -38,16 +38,16 @@ Examples:
 const PAGE: [&str; 2] = [
     "Spheres of other materials and sizes",
     "\
-from runs of the flash image in QEMU: 4 strikes a cell unless --strikes says otherwise, each at another phase of the sample
-clock, with noise. Every chain is of equal spheres and is struck by one of them, at 0.3 m/s unless --velocity says otherwise.
-The intruder is the scenario's in units of the sphere: the same part of its mass, or --part of it, and the same frequency and
-damping in units of the time of the wave. The strike fills two thirds of the sensors' ranges at the high gain. An error is
-that of the absorbed energy against the full f64 chain, its root mean square over the strikes, in brackets the worst. A is
-measured by the acceleration, B predicted from the force.
+from runs of the flash image in QEMU: 4 strikes a cell unless --strikes says otherwise, each at a different phase of the sample
+clock, with noise. Every chain is of equal spheres and is struck by an equal sphere, at 0.3 m/s unless --velocity says
+otherwise. The intruder is the scenario's in units of the sphere: the same part of its mass, or --part of it, and the same
+frequency and damping in units of the time of the wave. The strike fills two thirds of the sensors' ranges at the high gain.
+Errors are those of the absorbed energy against the full f64 chain: the root mean square over the strikes, and in brackets the
+worst. A is measured by the acceleration, B is predicted from the force.
 
 *Wave* is the width, at half its height, of the force of a solitary wave of 1 m/s, in samples. It decides how well the bead can
 measure: from 5.6 samples on, the arithmetic alone keeps A within 0.1 % and B within 0.5 %. Below 2.5 samples a sphere is
-refused, and the table says which diameter is the least.
+refused, and the table gives the smallest diameter that is accepted.
 ",
 ];
 
@@ -96,7 +96,7 @@ pub(crate) struct Arguments {
     diameters: Vec<f64>,
     #[command(flatten)]
     strike: SphereStrike,
-    /// Strikes in each cell, each at another phase of the sample clock.
+    /// Strikes in each cell, each at a different phase of the sample clock.
     #[arg(long, value_name = "K", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=1000))]
     strikes: u32,
 }
@@ -119,7 +119,7 @@ pub(super) struct SphereStrike {
 /// too fast for any run.
 fn part(text: &str) -> Result<f64, String> {
     let part = text.parse().ok().filter(|part| (0.001..=0.9).contains(part));
-    part.ok_or_else(|| "give a part between 0 and 1, from 0.001 to 0.9".to_owned())
+    part.ok_or_else(|| "give a part from 0.001 to 0.9".to_owned())
 }
 
 fn relaxation(text: &str) -> Result<f64, String> {
@@ -304,12 +304,12 @@ fn row(cell: &SphereCell) -> [String; 7] {
 /// A short form of a refusal for a table: the least diameter, or else the message without its beginning.
 fn short(why: &str) -> &str {
     let small = why
-        .split(": ")
+        .split("this material needs ")
         .nth(1)
-        .and_then(|rest| rest.split(" of this").next());
+        .and_then(|rest| rest.split(", since").next());
     let rest = why.split_once("this front end: ").map(|(_, rest)| rest);
     small
-        .filter(|small| small.ends_with("at least"))
+        .filter(|small| small.ends_with(" mm"))
         .or(rest)
         .unwrap_or(why)
 }

@@ -9,15 +9,16 @@ use bead_logbook::quantity::Quantity;
 use bead_logbook::trend::PointBy;
 
 const AFTER_HELP: &str = "\
-A point is the mean over the strikes of a recording, or as --by says. Its u is the mean of theirs, as the calibration \
-is nearly all of it. The limits are those of Shewhart's chart of individual values (ISO 7870-2): the mean of the base \
-± 3 s, with s from the mean moving range. They follow from the scatter of the points alone, so a change shows that is \
-much smaller than u. The base is all points, or with --base N the first N, against which the later ones are held.
+A point is the mean over the strikes of a recording, or as --by says. Its u is the mean of the strikes' u, since \
+nearly all of it comes from the calibration. The limits are those of Shewhart's chart of individual values (ISO 7870-2): \
+the mean of the base ± 3 s, with s from the mean moving range. They follow only from the scatter of the points, so they \
+show changes that are much smaller than u. The base is all points, or with --base N the first N, to which later points \
+are compared.
 
-Each point beyond its limits is named in a line. It changes no exit status, unless --check asks for that: then it is 1.
+Each point beyond its limits is named in a line. The exit status is then 1 only with --check.
 
-Energies go with the strike: a trend of A and B means something where the strikes are alike. A/B, the frequency and \
-the gains depend on the bead alone.
+Energies depend on the strike: a trend of A and B means something only if the strikes are alike. A/B, the frequency and \
+the gains depend only on the bead.
 
 Examples:
   bead trend archive --picture trend.svg
@@ -33,7 +34,7 @@ pub(crate) struct Arguments {
     /// A quantity; repeat for more [default: all that are known].
     #[arg(long, value_enum, value_name = "NAME")]
     pub(super) quantity: Vec<QuantityName>,
-    /// The strikes of a point.
+    /// The strikes that make a point.
     #[arg(long, value_enum, default_value = "recording")]
     pub(super) by: Grouping,
     /// Take the limits from the first N points of each quantity [default: from all].
@@ -45,7 +46,7 @@ pub(crate) struct Arguments {
     /// Draw the trends.
     #[arg(long, value_name = "F.svg")]
     pub(super) picture: Option<PathBuf>,
-    /// Write the points as a table, Parquet or, to a name with .csv, CSV.
+    /// Write the points as a table: Parquet, or CSV if the name ends in .csv.
     #[arg(long, value_name = "F.parquet|F.csv")]
     pub(super) out: Option<PathBuf>,
     #[command(flatten)]
@@ -94,11 +95,11 @@ impl From<QuantityName> for Quantity {
 /// The strikes of a point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(super) enum Grouping {
-    /// Those of a recording.
+    /// All strikes of a recording.
     Recording,
-    /// Those of a day, UTC.
+    /// All strikes of a day, UTC.
     Day,
-    /// One.
+    /// One strike.
     Strike,
 }
 

@@ -64,7 +64,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     if beads.is_empty() {
         bail!(
             Input,
-            "no strike is in the recordings that are wanted, so there is no trend; `bead list` with the same options shows them"
+            "the chosen recordings have no strikes, so there is no trend; `bead list` with the same options shows the recordings"
         );
     }
     let report = TrendReport {
@@ -86,7 +86,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     if arguments.check && report.out_of_control > 0 {
         bail!(
             Verdict,
-            "{} beyond the control limits; look at the bead, or take them out with --since and --note",
+            "{} beyond the control limits; check the bead, or leave them out with --since and --note",
             count(report.out_of_control as u64, "point")
         );
     }
@@ -187,7 +187,7 @@ impl TrendReport {
             ));
         } else if bases().any(|base| base < BASE_GOOD) {
             lines.push(format!(
-                "limits from fewer than {BASE_GOOD} points are a guide: more good points than 0.27 % are beyond ± {SIGMAS} s"
+                "limits from fewer than {BASE_GOOD} points are a guide: more than 0.27 % of good points are beyond ± {SIGMAS} s"
             ));
         }
         format!("{table}\n\n{}", lines.join("\n"))
