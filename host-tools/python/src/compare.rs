@@ -85,7 +85,7 @@ fn row_compared(file: &Recording, scenario: Scenario, text: Option<&str>) -> Res
     let (places, notes) = among(file, &chain, text);
     if places.is_empty() {
         let (path, why) = (file.path.display(), notes.join("; "));
-        return Err(format!("{path}: none of its beads is of this scenario: {why}").into());
+        return Err(format!("{path}: none of its beads is in this scenario: {why}").into());
     }
     let row = BeadRow::read(file, &places, &chain, None)?;
     if row.strikes.is_empty() {

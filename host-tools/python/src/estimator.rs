@@ -102,7 +102,7 @@ impl Estimator {
         let codes = codes.as_array();
         if let Some(code) = codes.iter().find(|code| **code > 4095) {
             return Err(ScenarioError::new_err(format!(
-                "{code} is no code of the bead's converter, which has 12 bits; give 0 to 4095"
+                "{code} is not a code of the bead's converter, which has 12 bits; give 0 to 4095"
             )));
         }
         let scan = |row: ArrayView1<'_, u16>| Scan::new([row[0], row[1], row[2], row[3]]);
@@ -145,7 +145,7 @@ impl Estimator {
             let values: Vec<f64> = signal.as_array().iter().copied().collect();
             if values.is_empty() || values.iter().any(|value| !value.is_finite()) {
                 return Err(ScenarioError::new_err(format!(
-                    "{name} is empty or has values that are no numbers; give finite samples in SI units"
+                    "{name} is empty or has values that are not numbers; give finite samples in SI units"
                 )));
             }
             Ok(Some(Trace::even(values, rate)))
@@ -164,7 +164,7 @@ impl Estimator {
         let seconds = waveform.seconds() + LEAD_IN + TAIL;
         if seconds > 600.0 {
             return Err(ScenarioError::new_err(format!(
-                "the signals last {seconds:.0} s; give the strikes alone, 10 minutes at most"
+                "the signals last {seconds:.0} s; give only the strikes, at most 10 minutes"
             )));
         }
         let timing = Timing {

@@ -13,7 +13,7 @@ create_exception!(
     hertz_chain,
     ScenarioError,
     PyValueError,
-    "A scenario, a sweep or a search that cannot be used: what is wrong, and what would do."
+    "A scenario, a sweep or a search that cannot be used. The message says what is wrong and what to give instead."
 );
 create_exception!(
     hertz_chain,
@@ -35,7 +35,7 @@ pub(crate) fn guarded<T: Send>(py: Python<'_>, run: impl FnOnce() -> T + Send) -
         let text = panic.downcast_ref::<String>().cloned();
         let text = text.or_else(|| panic.downcast_ref::<&str>().map(|text| (*text).to_owned()));
         PyRuntimeError::new_err(format!(
-            "hertz_chain has a fault: {}; please report it with what you called",
+            "hertz_chain has a fault: {}; please report it with the call that caused it",
             text.unwrap_or_default()
         ))
     })

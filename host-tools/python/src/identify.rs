@@ -66,7 +66,7 @@ impl Asked {
         let addresses: Vec<u8> = beads.iter().map(|bead| bead.address).collect();
         if let Some(bead) = self.given.bead.filter(|bead| !addresses.contains(bead)) {
             return Err(format!(
-                "bead {bead}: no strike is of it; the beads are {addresses:?}"
+                "bead {bead} has no strike in the recording; the beads with strikes are {addresses:?}"
             ));
         }
         let names = [name.to_owned()];
@@ -109,9 +109,9 @@ fn method_of(name: Option<&str>, has_scenario: bool) -> PyResult<Method> {
             "method 'chain' simulates the chain from the striker to the bead: give scenario=Scenario.load(…)"
         }
         (Some("ring_down" | "pairs"), true) => {
-            "scenario= describes a chain, and the method takes taps at a bead outside of one: leave one of them out"
+            "scenario= describes a chain, but the method takes taps on a bead outside of a chain: leave out one of them"
         }
-        (Some(other), _) => &format!("method {other:?} is none of 'ring_down', 'pairs' and 'chain'"),
+        (Some(other), _) => &format!("method {other:?} is not one of 'ring_down', 'pairs' and 'chain'"),
     };
     Err(PyValueError::new_err(why.to_owned()))
 }
@@ -129,6 +129,6 @@ fn mounting_of(name: &str) -> PyResult<Mounting> {
 fn quantity(name: &str) -> PyResult<Quantity> {
     Quantity::named(name).ok_or_else(|| {
         let names: Vec<_> = QUANTITIES.iter().map(|one| one.symbol()).collect();
-        PyValueError::new_err(format!("fit {name:?} is none of {}", names.join(", ")))
+        PyValueError::new_err(format!("fit {name:?} is not one of {}", names.join(", ")))
     })
 }

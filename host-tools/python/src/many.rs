@@ -112,7 +112,7 @@ pub(crate) fn sweep<'py>(
     let points = plan.points();
     if points > MOST_POINTS {
         return Err(ScenarioError::new_err(format!(
-            "{points} points do not fit into memory, {MOST_POINTS} do; run it as `bead sweep`, which writes to a file"
+            "{points} points do not fit into memory, only {MOST_POINTS} do; use `bead sweep`, which writes to a file"
         )));
     }
     // Along an axis chains may become longer.

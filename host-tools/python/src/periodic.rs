@@ -30,7 +30,9 @@ pub(crate) fn periodic<'py>(
     let parameter = along.map(str::parse::<DriveParameter>).transpose();
     let parameter = parameter.map_err(|text| refused(format_args!("along: {text}")))?;
     if parameter.is_some() != to.is_some() {
-        return Err(refused("along: give it and the value to go to, or neither"));
+        return Err(refused(
+            "along: give it together with to=, the value to go to, or neither",
+        ));
     }
     let start = guarded(py, || PeriodicState::of(&scenario.0))?.map_err(refused)?;
     let Some((parameter, to)) = parameter.zip(to) else {

@@ -33,7 +33,7 @@ fn refused(error: impl Display) -> PyErr {
 /// The exception of a strike that is not among the first `count`.
 fn no_such_strike(strike: u64, count: u64) -> PyErr {
     refused(format_args!(
-        "strike {strike} is not there: {count} strikes, counted from 0"
+        "there is no strike {strike}: the recording has {count} strikes, counted from 0"
     ))
 }
 

@@ -62,7 +62,7 @@ fn observables(names: &[String], model: &Model) -> PyResult<Vec<Observable>> {
         let &(name, width, of) = found.ok_or_else(|| {
             let names: Vec<_> = known.iter().map(|(name, ..)| *name).collect();
             ScenarioError::new_err(format!(
-                "{name:?} is no observable; give some of {}",
+                "{name:?} is not an observable; give some of {}",
                 names.join(", ")
             ))
         })?;
@@ -98,7 +98,7 @@ pub(crate) fn simulate<'py>(
     if !(rate > 0.0 && rows >= 1.0 && rows * width.max(1) as f64 <= MOST) {
         return Err(ScenarioError::new_err(format!(
             "rate = {rate:?} gives {rows:?} times over {end} s, of {width} values each; give a rate in Hz, such as 1e6, \
-             that makes one time at least and {MOST:e} values at most"
+             that makes at least one time and at most {MOST:e} values"
         )));
     }
     let model = run.model();

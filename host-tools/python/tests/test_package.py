@@ -219,13 +219,13 @@ class Inputs(unittest.TestCase):
             ("TOML has no null", {"striker": {"velocity": None}}),
             ("did you mean `velocity`", {"striker": {"velocit": 1.0}}),
             ("where a number belongs", {"striker": {"velocity": "0.8 m/s"}}),
-            ("infinite or no number", {"striker": {"velocity": float("nan")}}),
-            ("infinite or no number", {"duration": np.float64("inf")}),
+            ("infinite or not a number", {"striker": {"velocity": float("nan")}}),
+            ("infinite or not a number", {"duration": np.float64("inf")}),
             ("radius", {"chain": {"radius": -1.0}}),
         ):
             self.refused(part, lambda change=change: paper.replace(**change))
-        self.refused("is no value of a scenario", lambda: paper.replace(duration=object()), TypeError)
-        self.refused("is no observable", lambda: hc.simulate(paper, observables=["forces"]))
+        self.refused("is not a value of a scenario", lambda: paper.replace(duration=object()), TypeError)
+        self.refused("is not an observable", lambda: hc.simulate(paper, observables=["forces"]))
         self.refused("give a rate in Hz", lambda: hc.simulate(paper, rate=float("nan")))
         self.refused("give a rate in Hz", lambda: hc.simulate(paper, rate=1e15))
         self.refused("tolerance", lambda: hc.simulate(paper, tolerance=1.0))
@@ -247,19 +247,19 @@ class Inputs(unittest.TestCase):
             self.refused(part, lambda codes=codes: estimator.process(codes))
         self.refused("give integers", lambda: estimator.process(np.zeros((4, 4))), TypeError)
         self.refused("give a force", lambda: hc.Estimator.digitise(rate=1e6))
-        self.refused("no numbers", lambda: hc.Estimator.digitise([np.nan], rate=1e6))
+        self.refused("not numbers", lambda: hc.Estimator.digitise([np.nan], rate=1e6))
         self.refused("give (n,)", lambda: hc.Estimator.digitise(np.zeros((3, 2)), rate=1e6))
         self.refused("rate", lambda: hc.Estimator.digitise([0.0], rate=0.0))
         self.refused("missing.toml", lambda: hc.Estimator("missing.toml"))
         self.refused("missing.mcap", lambda: hc.Recording("missing.mcap"), hc.RecordingError)
-        self.refused("strike 9 is not there", lambda: hc.Recording(RECORDING).samples(9), hc.RecordingError)
-        self.refused("strike 9 is not there", lambda: hc.Recording(RECORDING).budget(9), hc.RecordingError)
+        self.refused("there is no strike 9", lambda: hc.Recording(RECORDING).samples(9), hc.RecordingError)
+        self.refused("there is no strike 9", lambda: hc.Recording(RECORDING).budget(9), hc.RecordingError)
         for part, wanted in (
             ("'chain' simulates the chain", {"method": "chain"}),
-            ("leave one of them out", {"method": "pairs", "scenario": hc.Scenario.paper()}),
-            ("is none of 'ring_down'", {"method": "taps"}),
+            ("leave out one of them", {"method": "pairs", "scenario": hc.Scenario.paper()}),
+            ("is not one of 'ring_down'", {"method": "taps"}),
             ("neither 'free' nor 'held'", {"mounting": "loose"}),
-            ("is none of k, c", {"fit": ["q"]}),
+            ("is not one of k, c", {"fit": ["q"]}),
         ):
             self.refused(part, lambda wanted=wanted: hc.Recording(RECORDING).identify(**wanted), ValueError)
 

@@ -127,8 +127,10 @@ fn a_table_has_the_same_bytes_whatever_the_threads_and_the_chunks() {
     folder.done("sweep run d");
     folder.done("sweep merge d --out chunks.parquet");
     assert!(folder.read("one.parquet") == folder.read("chunks.parquet"));
-    folder.refused("2 | in 7 chunks; leave --chunks 8 out | sweep plan sweep.toml --dir d --chunks 8");
-    folder.refused("2 | lies among the parts | sweep merge d --out d/part-00003.parquet --overwrite");
+    folder.refused("2 | in 7 chunks; leave out --chunks 8 | sweep plan sweep.toml --dir d --chunks 8");
+    folder.refused(
+        "2 | is in the folder of the plan's parts | sweep merge d --out d/part-00003.parquet --overwrite",
+    );
 }
 
 #[test]
@@ -191,7 +193,7 @@ fn a_grid_typed_by_mistake_says_its_size_and_its_time_first() {
     let second = format!("{values}\n[[axis]]\nkey = \"striker.relaxation\"\n{values}");
     let folder = folder(&axis("striker.velocity", &second));
     let output = folder.run("sweep sweep.toml --out a.parquet");
-    program::refused(&output, 2, "axes of 1,000 × 1,000 make 1,000,000 points, about ");
+    program::refused(&output, 2, "axes of 1,000 × 1,000 make 1,000,000 points: about ");
     assert!(said(&output).contains("--yes"));
     folder.refused("2 | 1,000,000 points | sweep plan sweep.toml --dir d");
     assert_eq!(folder.names(), "paper.toml sweep.toml");
@@ -203,13 +205,13 @@ fn what_is_of_another_plan_is_refused_and_stays() {
     let folder = folder(&axis("duration", "linspace = [1e-3, 2e-3, 8]"));
     folder.done("sweep plan sweep.toml --dir one --chunks 4");
     folder.done("sweep run one");
-    folder.refused("2 | was the chunk of another plan meant? | sweep run one --chunk 2/5");
+    folder.refused("2 | give K/4, or the folder of another plan | sweep run one --chunk 2/5");
     folder.write("sweep.toml", axis("duration", "linspace = [1e-3, 3e-3, 8]"));
     folder.refused("2 | holds the parts of another sweep | sweep plan sweep.toml --dir one");
     folder.done("sweep plan sweep.toml --dir two --chunks 4");
     let cut = folder.read("one/part-00004.parquet");
     folder.write("two/part-00002.parquet", folder.read("one/part-00002.parquet"));
-    folder.refused("2 | is not chunk 2 of this plan: it is of plan | sweep run two");
+    folder.refused("2 | is not chunk 2 of this plan: it belongs to plan | sweep run two");
     folder.refused("2 | is not chunk 2 of this plan | sweep merge two --out a.parquet");
     // One part has the name of another, and one is cut.
     folder.write("one/part-00003.parquet", folder.read("one/part-00001.parquet"));
@@ -232,8 +234,12 @@ fn what_is_of_another_plan_is_refused_and_stays() {
     // A plan that was edited.
     let plan = folder.text("two/plan.toml");
     for (was, is, why) in [
-        ("chunks = 4", "chunks = 0", "has 8 points in 0 chunks"),
-        ("chunks = 4", "chunks = 100000", "has 8 points in 100000 chunks"),
+        ("chunks = 4", "chunks = 0", "divides 8 points into 0 chunks"),
+        (
+            "chunks = 4",
+            "chunks = 100000",
+            "divides 8 points into 100000 chunks",
+        ),
         ("points = 8", "points = 9", "was changed after it was made"),
     ] {
         folder.write("two/plan.toml", plan.replace(was, is));
@@ -260,7 +266,7 @@ fn a_disk_that_is_full_leaves_the_finished_parts() {
 fn curves_and_maps_are_drawn_of_any_two_axes() {
     let folder = folder(SWEEP);
     folder.refused(
-        "2 | more axes: tuned (3 values), sample (8 values); choose a place of each with --at tuned= | \
+        "2 | more axes: tuned (3 values), sample (8 values); choose a place on each with --at tuned= | \
          sweep sweep.toml --out a.parquet --plot a.svg",
     );
     // The refusal comes before the work.

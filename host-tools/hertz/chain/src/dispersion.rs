@@ -78,12 +78,12 @@ impl Dispersion {
     pub fn of(scenario: &Scenario) -> Result<Self, InputError> {
         let model = Model::of(scenario)?;
         if scenario.chain.precompression == 0.0 {
-            let what = "a chain that just touches carries no linear waves";
+            let what = "a chain whose beads just touch carries no linear waves";
             let advice = "give it a static load in N";
             return Err(InputError::at("chain.precompression", what, advice));
         }
         if scenario.chain.gravity != 0.0 {
-            let what = "a vertical chain has another load, and other bands, at each contact";
+            let what = "a vertical chain has a different load, and different bands, at each contact";
             return Err(InputError::at("chain.gravity", what, "leave it out"));
         }
         let beads = scenario.chain.beads;
@@ -108,8 +108,9 @@ impl Dispersion {
             } else {
                 "intruder"
             };
-            let what = "linear waves are those of beads, with their intruders, that repeat twice or more";
-            let advice = "make the beads alike, or in cells of two or three";
+            let what =
+                "linear waves need a pattern of beads, with their intruders, that occurs at least twice";
+            let advice = "make the beads alike, or arrange them in cells of two or three";
             return Err(InputError::at(key, what, advice));
         };
         let of = |bead: usize| CellBead {
@@ -376,7 +377,10 @@ mod tests {
         let mut one_host = loaded(1.0);
         one_host.intruders[0].beads.truncate(1);
         for (scenario, words) in [
-            (loaded(0.0), "chain.precompression: a chain that just touches"),
+            (
+                loaded(0.0),
+                "chain.precompression: a chain whose beads just touch",
+            ),
             (mixed, "section: linear waves"),
             (uneven, "section: linear waves"),
             (vertical, "chain.gravity: a vertical chain"),

@@ -7,7 +7,7 @@ use rmpfit::{MPConfig, MPFitter, MPPar, MPResult, MPSide, MPSuccess};
 #[non_exhaustive]
 pub enum FitError {
     /// Too few points for the parameters and an estimate of their scatter.
-    #[error("the fit has {got} points and needs {need}; measure more of them")]
+    #[error("the fit has {got} points and needs {need}; measure more points")]
     TooFew {
         /// Number of points.
         got: usize,
@@ -15,7 +15,7 @@ pub enum FitError {
         need: usize,
     },
     /// A value is not finite, or not positive where it must be.
-    #[error("{what} is not what a fit can use; give {advice}")]
+    #[error("a fit cannot use {what}; give {advice}")]
     Value {
         /// The name of the value, and the value.
         what: String,
@@ -23,7 +23,7 @@ pub enum FitError {
         advice: &'static str,
     },
     /// No parameters describe the data.
-    #[error("the fit finds no end; see whether the data show a resonance")]
+    #[error("the fit does not converge; check that the data show a resonance")]
     NoEnd,
 }
 

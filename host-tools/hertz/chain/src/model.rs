@@ -216,8 +216,8 @@ impl Model {
             let (radius, overlap) = (self.radii[number - 1].min(far), contact.static_overlap);
             if overlap >= radius {
                 let what = format!(
-                    "a load of {:.3e} N overlaps the bodies of contact {number} by {overlap:.3e} m, more than the \
-                     radius of {radius} m",
+                    "a load of {:.3e} N presses the bodies of contact {number} together by {overlap:.3e} m, as much as the \
+                     radius of {radius} m or more",
                     contact.load
                 );
                 let is_pressed = scenario.chain.precompression > 0.0;

@@ -132,7 +132,7 @@ pub enum SimulateError {
     /// A run that keeps its motion needs more steps than fit in memory: it is too long, has too many beads,
     /// or a part of it is much faster than a strike. [`Run`](crate::Run) and
     /// [`summarise`](crate::summarise()) keep no motion.
-    #[error("duration: after {time:.3e} s of {end:.3e} s the run fills {} GB; simulate less time or fewer beads, or ask for the summary alone, which keeps nothing", MOST_VALUES * 8 / 1_000_000_000)]
+    #[error("duration: after {time:.3e} s of {end:.3e} s the run fills {} GB; simulate less time or fewer beads, or ask only for the summary, which keeps nothing", MOST_VALUES * 8 / 1_000_000_000)]
     TooLong {
         /// Time that the run reached, s; 0 if its length was clear from the start.
         time: f64,
@@ -187,7 +187,7 @@ pub enum SimulateError {
     },
     /// The steps became too short to advance the clock: values lie too many powers of ten apart.
     #[error(
-        "the integration is stuck at {time:?} s: values lie too many powers of ten apart; check masses, stiffnesses and units"
+        "the integration is stuck at {time:?} s: values are too many powers of ten apart; check masses, stiffnesses and units"
     )]
     Stuck {
         /// Time of the failure, s.

@@ -93,7 +93,7 @@ impl Validity {
         {
             remarks.push(format!(
                 "contact {contact} is pressed with {:.0} MPa: {name} yields from {:.0} MPa on ({YIELDS} times its strength), and \
-                 elastic contact no longer holds",
+                 the law of elastic contact no longer applies",
                 1e-6 * self.pressure,
                 1e-6 * YIELDS * strength,
             ));
@@ -106,7 +106,7 @@ impl Validity {
         }
         if let Some(periods) = self.periods.filter(|periods| *periods < SHORT) {
             remarks.push(format!(
-                "the pulse at contact {contact} lasts {periods:.2} of a sphere's own period: the sphere rings, which is left out",
+                "the pulse at contact {contact} lasts {periods:.2} of a sphere's own period: the sphere rings, which the model leaves out",
             ));
         }
         remarks

@@ -61,7 +61,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     if arguments.picture.is_some() {
         bail!(
             Input,
-            "--picture: it shows a front; give several masses, such as --total-mass 0.01,0.02,0.04"
+            "--picture: a front needs several masses; give them, such as --total-mass 0.01,0.02,0.04"
         );
     }
     let (out, inputs) = (arguments.out.as_deref(), [arguments.scenario.as_path()]);
@@ -101,7 +101,7 @@ fn found(aim: Aim, optimum: &Optimum) -> String {
     let of = match (&speeds[..], aim) {
         ([_], _) => "",
         (_, Aim::Worst) => "at most ",
-        (_, Aim::Mean) => "on the average ",
+        (_, Aim::Mean) => "on average ",
     };
     let (share, speeds) = (percent(optimum.share), speeds.join(", "));
     let left = match optimum.objective {
@@ -176,7 +176,7 @@ impl SearchReport {
         });
         let mut parts = Vec::from_iter(Some(title.to_owned()).filter(|title| !title.is_empty()));
         parts.push(format!(
-            "Searched: m {} g, {} g together; k {} kN/m; {damping}{stroke}. * is at such a bound.",
+            "Searched: m {} g, {} g together; k {} kN/m; {damping}{stroke}. * marks a value at its bound.",
             range(self.mass_kg, 1e-3),
             self.total_mass_kg * 1e3,
             range(self.stiffness_n_per_m, 1e3),
@@ -221,7 +221,7 @@ impl SearchReport {
         let others = self.compared.iter();
         let others = others.map(|other| row(other.name, grams(other.mass_kg), other.share));
         let best = [
-            row("best that are all alike", String::new(), optimum.share_alike),
+            row("best if all are alike", String::new(), optimum.share_alike),
             row("best", grams(total_mass(&optimum.intruders)), optimum.share),
         ];
         parts.push(output::table(
@@ -333,14 +333,14 @@ fn of_spread(robustness: &Robustness, share: f64, strokes: &[f64]) -> String {
     );
     let balance = if cost < 0.0 {
         format!(
-            "The search without deviations has not come as far: at the nominal values too, this design is {:.3} points better, and {gain:.3} at the worst. Allow more --evaluations.",
+            "The search without deviations did not get as far: this design is {:.3} points better even at the nominal values, and {gain:.3} at the worst. Allow more --evaluations.",
             -cost
         )
     } else {
         format!("Robustness costs {cost:.3} points at the nominal values and gains {gain:.3} at the worst.")
     };
     format!(
-        "Under {}, the same for all intruders:\n\n{table}\n\n{balance} The longest stroke is {:.3} µm, and {:.3} µm of those that are best if nothing deviates.",
+        "Under {}, the same for all intruders:\n\n{table}\n\n{balance} The longest stroke is {:.3} µm, and {:.3} µm in the design that is best if nothing deviates.",
         robustness.spread,
         longest(strokes),
         longest(&robustness.plain_strokes),
@@ -350,7 +350,7 @@ fn of_spread(robustness: &Robustness, share: f64, strokes: &[f64]) -> String {
 fn remarks(optimum: &Optimum) -> Vec<String> {
     let robust = optimum.robustness.as_ref();
     let mut remarks = vec![format!(
-        "{} runs: {} designs, and {} gradients that count as {} runs each. The search saw {:.5} %, the reference accuracy {:.5} %. A chain twice as long changes that by {:.5} %.",
+        "{} runs: {} designs, and {} gradients that count as {} runs each. The result is {:.5} % at the accuracy of the search, {:.5} % at the reference accuracy. A chain twice as long changes that by {:.5} %.",
         optimum.evaluations,
         optimum.evaluations - Search::GRADIENT_RUNS * optimum.gradients,
         optimum.gradients,
@@ -361,21 +361,21 @@ fn remarks(optimum: &Optimum) -> Vec<String> {
     )];
     remarks.push(match (optimum.settled, optimum.stopped) {
         (true, _) => format!(
-            "Settled: {} descents; nothing better is near, and the last {}, from fresh starts about the best, found nothing better.",
+            "Settled after {} descents: nothing better is near, and the last {}, from fresh starts around the best, found nothing better.",
             optimum.descents, optimum.in_vain,
         ),
         (false, true) => format!(
-            "Stopped in descent {}: this is the best so far, and more time may find better.",
+            "Stopped in descent {}: this is the best so far, and more time may find a better design.",
             optimum.descents
         ),
         (false, false) => format!(
-            "The designs were spent in descent {}, before the search had settled: more --evaluations may find better.",
+            "The --evaluations ran out in descent {}, before the search had settled: more of them may find a better design.",
             optimum.descents
         ),
     });
     if optimum.far_end > 1e-3 {
         remarks.push(
-            "The far end has a part in this. If that is not meant, give the chain more beads, or the run less time.".to_owned(),
+            "The far end of the chain affects this result. If it should not, give the chain more beads, or the run less time.".to_owned(),
         );
     }
     let energy = optimum.objective == Objective::Remaining;

@@ -45,7 +45,7 @@ pub(crate) fn run(arguments: &Arguments, scenario: &Scenario) -> Result<(), Fail
     if arguments.spread.is_some() {
         bail!(
             Input,
-            "--spread: a front is of springs that do not deviate; give one --total-mass with it"
+            "--spread: a front is searched without deviations; give one --total-mass with it"
         );
     }
     let inputs = [arguments.scenario.as_path()];
@@ -73,7 +73,7 @@ pub(crate) fn run(arguments: &Arguments, scenario: &Scenario) -> Result<(), Fail
             optimum,
         });
         if stopped {
-            note!("stopped at {grams} g: heavier ones were not searched");
+            note!("stopped at {grams} g; heavier designs were not searched");
             break;
         }
     }
@@ -117,7 +117,7 @@ impl FrontReport {
             ]
         });
         let header = format!(
-            "at most (g) | together (g) | {} | best that are all alike | runs | settled",
+            "at most (g) | together (g) | {} | best if all are alike | runs | settled",
             self.label()
         );
         let title = Some(title.to_owned()).filter(|title| !title.is_empty());
@@ -137,7 +137,7 @@ impl FrontReport {
         let curves = vec![
             series("best", 0, Mark::Line, |one| one.share),
             series("", 0, Mark::Discs, |one| one.share),
-            series("best that are all alike", 1, Mark::Dashed, |one| one.share_alike),
+            series("best if all are alike", 1, Mark::Dashed, |one| one.share_alike),
         ];
         let heaviest = self.front.iter().map(grams).fold(0.0, f64::max);
         let axis = Axis::new("all intruders together, at most (g)", 0.0..heaviest * 1.02);

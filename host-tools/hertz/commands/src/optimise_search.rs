@@ -12,33 +12,34 @@ use bead_console::beads::BeadNumbers;
 use bead_console::prelude::*;
 
 const AFTER_HELP: &str = "\
-What remains is the share of the injected energy that the intruders have not dissipated by the end of the \
-run: what they still hold, what was reflected and transmitted, and what the contacts lost. The scenario's \
-duration is that of a strike at the scenario's speed V. A strike at speed v runs (V/v)^(1/5) times as long, \
-in which its wave comes as far if the chain is not under a load. The duration must let the whole wave pass \
-the hosts, and the chain must be so long that nothing comes back: the result tells both.
+The energy that remains is the share of the injected energy that the intruders have not dissipated by the end \
+of the run: what they still hold, what was reflected and transmitted, and what the contacts lost. The scenario's \
+duration is that of a strike at the scenario's speed V. A strike at speed v runs (V/v)^(1/5) times as long: \
+in that time its wave travels as far, unless the chain is under a load. The duration must let the whole wave pass \
+the hosts, and the chain must be so long that nothing comes back; the result shows whether both hold.
 
 Intruders that leave the least energy are not those that protect best. --objective chooses what is made small:
   remaining         the share of the injected energy that the intruders have not dissipated
   force:13          the greatest force of contact 13, N
   energy-behind:13  the energy of the beads behind bead 13 at the end of the run, J
   impulse:13        the impulse that contact 13 passes on, N·s
-Of several strikes, the mean (or the worst) of each value over that without intruders counts.
+Each value is divided by the value without intruders; of several strikes, the mean (or the worst) of these ratios \
+counts.
 
 --spread looks for a robust design: the one whose worst value is least while stiffness and damping of all \
 intruders deviate together, as those of a batch do. The optimum without the spread is found first, and both \
 are compared.
 
---stroke keeps each intruder within the room that it has: its greatest displacement from rest in its bead.
+--stroke limits how far each intruder may move from rest in its bead.
 
 --catalogue chooses springs that can be bought. The file has a [[spring]] for each, with name and stiffness in \
-N/m, and what else the spring comes with: damping (N·s/m) or loss_factor, mass of the intruder (kg), stroke (m). \
-The optimum with free stiffnesses is found first; then springs are exchanged until no exchange gains.
+N/m, and if known also damping (N·s/m) or loss_factor, mass of the intruder (kg), stroke (m). \
+The optimum with free stiffnesses is found first; then springs are exchanged until no exchange improves the result.
 
---hosts-at-most says how many of the beads hold an intruder, and the search chooses which.
+--hosts-at-most limits how many of the beads hold an intruder; the search chooses which.
 
---radii lets the sizes of some beads vary too, hosts or not, each by itself: 10-16:0.012:0.022 are beads 10 to 16 of \
-12 to 22 mm. Their material and the intruders' masses stay as they are.
+--radii lets the sizes of some beads vary too, hosts or not, each by itself: 10-16:0.012:0.022 varies the radii of \
+beads 10 to 16 from 12 to 22 mm. Their material and the intruders' masses stay as they are.
 
 Examples:
   bead optimise docs/scenarios/ten-intruders.toml --bead 7-16 \\
@@ -67,16 +68,16 @@ Examples:
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub struct Arguments {
-    /// The scenario, a TOML file in SI units. Its intruders are only compared with.
+    /// The scenario, a TOML file in SI units. Its own intruders serve only for comparison.
     pub(super) scenario: PathBuf,
     /// The beads that hold an intruder each, or may hold one (--hosts-at-most), such as 7-16 or 7,9,12-14;
-    /// all: those of the scenario that do.
+    /// `all` names the hosts of the scenario.
     #[arg(long, value_name = "BEADS")]
     pub(super) bead: BeadNumbers,
-    /// Greatest mass of all intruders together, kg; several for a front, the best at each.
+    /// Greatest mass of all intruders together, kg; several give a front, the best design at each.
     #[arg(long, value_name = "KG,…", value_delimiter = ',', required = true)]
     pub(super) total_mass: Vec<f64>,
-    /// Least and greatest mass of each, kg [default: up to half the lightest host].
+    /// Least and greatest mass of each intruder, kg [default: up to half the lightest host].
     #[arg(long, value_name = "LOW:HIGH", value_parser = bounds)]
     pub(super) mass: Option<Limits>,
     /// Least and greatest stiffness, N/m [default: five decades about the stiffness that fits the strike].
@@ -103,7 +104,7 @@ pub struct Arguments {
     /// Quantity to make small: remaining, force:CONTACT, energy-behind:BEAD, impulse:CONTACT.
     #[arg(long, value_name = "WHAT", default_value = "remaining")]
     pub(super) objective: Objective,
-    /// Deviations of all intruders' stiffness and damping that the design is to bear, such as
+    /// Deviations of all intruders' stiffness and damping that the design must tolerate, such as
     /// stiffness:15%,damping:30%: judge by the worst of their corners.
     #[arg(long, value_name = "SPREAD")]
     pub(super) spread: Option<Spread>,

@@ -134,6 +134,6 @@ pub(crate) fn table(summary: &Summary, rows: &[ParameterSensitivities]) -> Strin
     }
     let contacts = at_end.join(", ");
     format!(
-        "{table}\n\nRemark: the force of contact {contacts} still rises at the end of the run, and its row is that of the force then."
+        "{table}\n\nRemark: the force of contact {contacts} still rises at the end of the run; its row is for the force at that time."
     )
 }

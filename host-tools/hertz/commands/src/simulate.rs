@@ -33,7 +33,7 @@ pub struct Arguments {
     #[arg(long, value_name = "HZ", default_value_t = 1e6, requires = "out")]
     rate: f64,
     /// Print by how much each force and energy changes with every parameter: its derivatives, exact through
-    /// contacts that open and close. It takes three times as long.
+    /// contacts that open and close. The run takes three times as long.
     #[arg(long, conflicts_with = "out")]
     sensitivities: bool,
     #[command(flatten)]
@@ -122,8 +122,8 @@ fn long_run(elapsed: Duration, part: f64, fewest: f64, duration: f64) -> Option<
     };
     let step = duration / fewest;
     Some(format!(
-        "at this pace the run takes {time}: steps are {step:.1e} s at most, {fewest:.1e} of them; if it should be quick, \
-         check units, or what is very small, stiff or light beside the rest"
+        "at this pace the run takes {time}: at least {fewest:.1e} steps of at most {step:.1e} s; if it should be quick, \
+         check units, and anything very small, stiff or light compared with the rest"
     ))
 }
 
@@ -238,7 +238,7 @@ fn energies(energy: &EnergySummary) -> String {
         [name.to_owned(), format!("{:.4}", joule * 1e6), part]
     });
     let of = if energy.drive_work.is_some() {
-        "of what was given"
+        "of the input"
     } else {
         "of the striker's"
     };
@@ -266,7 +266,7 @@ mod tests {
         // Too early, and quick enough.
         assert_eq!(remark(4, 1e-6), None);
         assert_eq!(remark(6, 0.2), None);
-        let hours = "17 hours: steps are 2.0e-12 s at most, 2.0e9 of them; ";
+        let hours = "17 hours: at least 2.0e9 steps of at most 2.0e-12 s; ";
         let century = "more than a century: ";
         for (part, time) in [(1e-4, hours), (1e-12, century), (1e-30, century), (0.0, century)] {
             let text = remark(6, part).unwrap();

@@ -11,38 +11,39 @@ use hertz_sweep::folder::Folder;
 use hertz_sweep::plan::Plan;
 
 const AFTER_HELP: &str = "\
-SWEEP.toml names a scenario, axes and what is kept of each run:
-  # Beside this file; or the tables themselves: [scenario.chain] and so on.
+SWEEP.toml names a scenario, axes, and the results to keep of each run:
+  # A file next to this one; or its tables: [scenario.chain] and so on.
   scenario = \"paper-strike.toml\"
 
-  # Each axis multiplies the points; the last turns fastest. A key may be any
-  # of the scenario; tables of a list are counted from 1. Or: linspace =
-  # [first, last, how many], range = [first, last, step], values = [...]
+  # Points are all combinations of the axes; the last axis varies fastest. Any
+  # key of the scenario will do; tables of a list are counted from 1. Or:
+  # linspace = [first, last, how many], range = [first, last, step],
+  # values = [...]
   [[axis]]
   key = \"intruder.1.stiffness\"
   logspace = [1e4, 1e6, 41]
 
-  # Keys that go together.
+  # Keys that change together.
   [[axis]]
   zip = [{ key = \"intruder.1.mass\", linspace = [1e-3, 6e-3, 6] },
          { key = \"intruder.1.beads\", range = [3, 8, 1] }]
 
-  # Points that are drawn: random, or quasirandom (evenly spread).
+  # Drawn points: random = N, or quasirandom = N (evenly spread).
   [[axis]]
   quasirandom = 256
   over = [{ key = \"striker.velocity\", loguniform = [0.1, 1.5] },
           { key = \"chain.relaxation\", uniform = [0, 8e-6] }]
 
   [outputs]
-  absorbed = true      # by intruders: J, of the striker's energy, of what went in
+  absorbed = true      # by intruders: J, share of striker's and of injected energy
   energies = true      # where the energy is at the end
   intruders = [8]      # what the intruder in this bead dissipates
   peaks = [1, 8]       # greatest force at these contacts
   arrivals = [8]       # when it was greatest
   transmission = [8]   # energy behind this bead at the end
 
-Interrupted, the same command goes on where it was: finished chunks are in F.parquet.sweep until the table \
-is whole. The table has the same bytes whatever the threads, the chunks and the interruptions. \
+After an interruption, the same command continues where it stopped: finished chunks stay in F.parquet.sweep \
+until the table is complete. Threads, chunks and interruptions do not change a byte of the table. \
 docs/sweeps.md says more, and how to spread a sweep over a cluster.
 
 Examples:
@@ -67,7 +68,7 @@ pub struct Arguments {
 enum SweepAction {
     /// Write the plan of a sweep into a folder, to be computed in chunks, here or elsewhere.
     Plan(sweep_cluster::PlanArguments),
-    /// Compute a chunk of a plan, or all that are missing. A finished chunk is not computed again.
+    /// Compute one chunk of a plan, or all missing ones. A finished chunk is not computed again.
     Run(sweep_cluster::RunArguments),
     /// Print a script that gives Slurm the missing chunks of a plan, and a job that merges them.
     Submit(sweep_cluster::SubmitArguments),
@@ -89,7 +90,7 @@ struct Here {
     /// The table: a row for each point, units in the column names.
     #[arg(long, value_name = "F.parquet", required = true, value_parser = table_file)]
     out: Option<PathBuf>,
-    /// Draw it too, as `bead sweep plot` does.
+    /// Also draw the table to this file, as `bead sweep plot` does.
     #[arg(long, value_name = "F.svg")]
     plot: Option<PathBuf>,
     #[command(flatten)]
@@ -158,7 +159,7 @@ fn sweep(here: &Here, file: &Path, result: &Path) -> Result<(), Failure> {
     let chunks = plan.points().div_ceil(chunk);
     let folder = Folder::create(Path::new(&name), plan, chunks)?;
     interrupt::resumable(format!(
-        "finished parts are in {}, and the same command goes on from there",
+        "finished parts are in {}; the same command continues from there",
         folder.path().display()
     ));
     let clock = Instant::now();

@@ -33,7 +33,7 @@ pub(crate) struct PlanArguments {
 pub(crate) struct RunArguments {
     /// The folder of the plan.
     dir: PathBuf,
-    /// Compute chunk K of the plan's N, and no other.
+    /// Compute only chunk K of the plan's N chunks.
     #[arg(long, value_name = "K/N", value_parser = chunk)]
     chunk: Option<(u64, u64)>,
     #[command(flatten)]
@@ -74,7 +74,7 @@ pub(crate) struct StatusArguments {
 /// `bead sweep merge`.
 #[derive(Debug, Args)]
 pub(crate) struct MergeArguments {
-    /// The folder of the plan. It stays.
+    /// The folder of the plan. It is kept.
     dir: PathBuf,
     /// The table: a row for each point, units in the column names.
     #[arg(long, value_name = "F.parquet", value_parser = super::sweep_work::table_file)]
@@ -138,7 +138,7 @@ pub(crate) fn plan(planning: &PlanArguments) -> Result<(), Failure> {
     if let Some(asked) = planning.chunks.filter(other) {
         bail!(
             Input,
-            "the plan in {dir} is there already, in {chunks} chunks; leave --chunks {asked} out, or give another --dir"
+            "{dir} already holds this plan in {chunks} chunks; leave out --chunks {asked}, or give another --dir"
         );
     }
     let of_chunk = work / chunks as f64;
@@ -153,7 +153,7 @@ pub(crate) fn plan(planning: &PlanArguments) -> Result<(), Failure> {
     };
     output::print(planning.format, &report, || {
         format!(
-            "{} points ({}) in {chunks} chunks of up to {}: about {} of one processor, {} for each chunk\n\
+            "{} points ({}) in {chunks} chunks of up to {}: about {} on one processor, {} for each chunk\n\
              Compute them: bead sweep run {dir} --chunk K/{chunks}, or bead sweep submit {dir} --out F.parquet",
             HumanCount(plan.points()),
             axes(plan),
@@ -166,7 +166,7 @@ pub(crate) fn plan(planning: &PlanArguments) -> Result<(), Failure> {
 
 pub(crate) fn run(running: &RunArguments) -> Result<(), Failure> {
     let folder = Folder::open(&running.dir)?;
-    interrupt::resumable("finished chunks stay, and the same command goes on from there".to_owned());
+    interrupt::resumable("finished chunks are kept; the same command continues from there".to_owned());
     let (pool, all) = (running.threads.pool()?, folder.chunks());
     let Some((chunk, of)) = running.chunk else {
         let points = HumanCount(pool.install(|| compute_missing(&folder))?);
@@ -177,7 +177,7 @@ pub(crate) fn run(running: &RunArguments) -> Result<(), Failure> {
     if of != all {
         bail!(
             Input,
-            "--chunk {chunk}/{of}: the plan in {} has {all} chunks; was the chunk of another plan meant?",
+            "--chunk {chunk}/{of}: the plan in {} has {all} chunks; give K/{all}, or the folder of another plan",
             folder.path().display()
         );
     }
@@ -199,7 +199,7 @@ pub(crate) fn submit(submitting: &SubmitArguments) -> Result<(), Failure> {
     let (missing, chunks, plan) = (folder.missing()?, folder.chunks(), slurm_name(&folder));
     if missing.is_empty() {
         let (dir, out) = (folder.path().display(), submitting.out.display());
-        note!("all {chunks} chunks are finished: bead sweep merge {dir} --out {out}");
+        note!("all {chunks} chunks are finished; merge them with: bead sweep merge {dir} --out {out}");
         return Ok(());
     }
     let waiting = slurm::queued(plan);
@@ -211,15 +211,18 @@ pub(crate) fn submit(submitting: &SubmitArguments) -> Result<(), Failure> {
         );
     }
     let whole = |path: &Path| -> Result<String, Failure> {
-        let path = std::path::absolute(path).with_context(|| format!("{}: no path", path.display()))?;
+        let path = std::path::absolute(path).with_context(|| format!("{}: not a path", path.display()))?;
         let text = path.into_os_string().into_string();
         text.map_err(|path| {
             let path = path.display();
-            failure!(Input, "{path}: Slurm takes paths in UTF-8; give another")
+            failure!(
+                Input,
+                "{path}: Slurm takes only paths in UTF-8; give another path"
+            )
         })
     };
     let program = std::env::current_exe()
-        .context("where is this program?")
+        .context("cannot find the path of this program")
         .map_err(Failure::Device)?;
     let jobs = Jobs {
         program: &whole(&program)?,
@@ -233,7 +236,7 @@ pub(crate) fn submit(submitting: &SubmitArguments) -> Result<(), Failure> {
         options: &submitting.sbatch,
     };
     note!(
-        "{} of {chunks} chunks are missing; these lines, given to sh, submit them",
+        "{} of {chunks} chunks are missing; pipe these lines to sh to submit them",
         missing.len()
     );
     output::print_line(&jobs.script())
@@ -260,7 +263,7 @@ pub(crate) fn status(standing: &StatusArguments) -> Result<(), Failure> {
     };
     output::print(standing.format, &report, || {
         let points = HumanCount(points);
-        let mut text = format!("{finished} of {chunks} chunks are finished, of {points} points in all");
+        let mut text = format!("{finished} of {chunks} chunks are finished; the plan has {points} points");
         if !missing.is_empty() {
             text += &format!("\nmissing: {}", ranges(&missing));
         }
@@ -268,7 +271,9 @@ pub(crate) fn status(standing: &StatusArguments) -> Result<(), Failure> {
             text += &format!("\nin the queue: job {}", jobs.join(", "));
         } else if !missing.is_empty() {
             let dir = folder.path().display();
-            text += &format!("\nnothing computes them: bead sweep run {dir}, or bead sweep submit {dir}");
+            text += &format!(
+                "\nno job computes them; start one with: bead sweep run {dir}, or bead sweep submit {dir}"
+            );
         }
         text
     })
@@ -286,7 +291,7 @@ fn result(folder: &Folder, out: &Path, overwrite: Overwrite) -> Result<Target, F
         let out = out.display();
         bail!(
             Input,
-            "{out} lies among the parts of the plan; give the table another folder"
+            "{out} is in the folder of the plan's parts; give the table another folder"
         );
     }
     place::target(out, FileKind::Parquet, &[], overwrite)

@@ -40,14 +40,14 @@ pub(crate) struct PictureOptions {
     /// The column of the vertical axis: a result for curves, an axis of the sweep for a map.
     #[arg(long, value_name = "COLUMN")]
     y: Option<String>,
-    /// Draw a map, and show this column, a result, by its colours [default of a map: the first result].
+    /// Draw a map whose colours show this column, a result [default: the first result].
     #[arg(long, value_name = "COLUMN", num_args = 0..=1, default_missing_value = "")]
     map: Option<String>,
     /// Draw a curve for each value of this column.
     #[arg(long, value_name = "COLUMN", conflicts_with = "map")]
     by: Option<String>,
-    /// Draw only points where this column has this value, or the nearest that there is, which the picture
-    /// names; may be repeated, once for each axis.
+    /// Draw only points where this column has this value, or the nearest one, which the picture names; may
+    /// be repeated, once for each axis.
     #[arg(long, value_name = "COLUMN=VALUE")]
     at: Vec<String>,
 }

@@ -37,7 +37,7 @@ impl Threads {
 /// `--yes` and `--limit`.
 #[derive(Debug, Clone, Copy, Args)]
 pub(crate) struct Consent {
-    /// Points that are computed without --yes.
+    /// Greatest number of points that are computed without --yes.
     #[arg(long, value_name = "POINTS", default_value_t = 100_000)]
     limit: u64,
     /// Compute any number of points.
@@ -56,8 +56,8 @@ impl Consent {
         let make = if plan.axes().len() == 1 { "makes" } else { "make" };
         bail!(
             Input,
-            "{} {make} {points} points, about {} on {} threads here, and {size} of table; if that is meant, give --yes, or \
-             --limit with a higher number",
+            "{} {make} {points} points: about {} on {} threads here, and a table of {size}; to compute them, give --yes, or \
+             a higher --limit",
             axes(plan),
             time(seconds * plan.points() as f64),
             rayon::current_num_threads(),
@@ -132,7 +132,7 @@ pub(crate) fn summary(
 ) -> Result<(), Failure> {
     if let Some(why) = &merged.first {
         note!(
-            "{} of {} points could not be computed, and the column `error` says why; the first: {why}",
+            "{} of {} points could not be computed, and the column `error` says why; the first error: {why}",
             HumanCount(merged.failed),
             HumanCount(plan.points())
         );
@@ -152,7 +152,7 @@ pub(crate) fn summary(
             format!(", {} computed in {}", HumanCount(points), time(seconds))
         });
         let (file, points, xarray) = (&report.file, HumanCount(report.points), &report.xarray);
-        format!("{file}: {points} points{computed}\nA cube in Python: {xarray}")
+        format!("{file}: {points} points{computed}\nRead it in Python as a cube: {xarray}")
     })
 }
 

@@ -34,15 +34,15 @@ Examples:
 #[derive(Debug, Parser)]
 #[command(name = "bead figures", bin_name = "bead figures", version, after_help = AFTER_HELP)]
 struct Arguments {
-    /// The figures, as the paper numbers them, such as 2a, or 2 for all of Fig. 2; every figure without a
-    /// name.
+    /// The figures, as the paper numbers them, such as 2a, or 2 for all of Fig. 2; all figures if none is
+    /// named.
     names: Vec<String>,
-    /// Where the files go; made if it is not there.
+    /// Folder for the files; it is created if it does not exist.
     #[arg(long, value_name = "DIR", default_value = "figures")]
     out: PathBuf,
     #[command(flatten)]
     overwrite: Overwrite,
-    /// End with status 1 if a check says no.
+    /// End with status 1 if a check fails.
     #[arg(long)]
     check: bool,
     /// Write the checks to this file too, as a Markdown table.
@@ -136,7 +136,7 @@ fn verdict(outcomes: &[FigureOutcome], check: bool) -> Result<(), Failure> {
         return Ok(());
     }
     Err(Failure::verdict(format_args!(
-        "{} of {} figures out of tolerance: {}; the table says which check",
+        "{} of {} figures are out of tolerance: {}; the table says which check",
         failed.len(),
         outcomes.len(),
         failed.join(", ")

@@ -70,7 +70,7 @@ mod tests {
         assert_eq!(names("solitary"), ["solitary"]);
         let message = chosen(&["9z".to_owned()]).unwrap_err().to_string();
         assert!(
-            message.starts_with("9z: no such figure; there are 2a, 2b"),
+            message.starts_with("9z: no such figure; the figures are 2a, 2b"),
             "{message}"
         );
     }

@@ -6,7 +6,7 @@ use hertz_chain::{FitError, InputError, OptimiseError, PeriodicError, SimulateEr
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// A name that no figure has.
-    #[error("{name}: no such figure; there are {known}")]
+    #[error("{name}: no such figure; the figures are {known}")]
     Unknown {
         /// The name asked for.
         name: String,

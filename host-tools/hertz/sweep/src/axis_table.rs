@@ -56,7 +56,7 @@ impl AxisTable {
         let is_key = self.key.is_some() || self.spacings().len() == 1;
         let is_drawn = self.random.is_some() || self.quasirandom.is_some();
         if !is_drawn && (self.over.is_some() || self.seed.is_some()) {
-            let advice = "give how many points to draw";
+            let advice = "add one of them with the number of points to draw";
             return refused(at, "over and seed belong to random or quasirandom", advice);
         }
         let (default_name, along, count) = match (is_key, &self.zip, self.random, self.quasirandom) {
@@ -76,8 +76,8 @@ impl AxisTable {
         };
         let name = self.name.as_deref().unwrap_or(default_name);
         if name.is_empty() || !name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_') {
-            let advice = "letters, digits and _ will do";
-            return refused(&format!("{at}.name"), "it is no name of a column", advice);
+            let advice = "use letters, digits and _";
+            return refused(&format!("{at}.name"), "it is not a column name", advice);
         }
         let name = Some(name.to_owned());
         Ok(SweepAxis { name, along, count })
@@ -85,11 +85,15 @@ impl AxisTable {
 
     fn key_axis(&self, at: &str) -> Result<SweepAxis, InputError> {
         if self.name.is_some() {
-            return refused(at, "an axis of one key is named by it", "leave the name out");
+            return refused(
+                at,
+                "an axis of one key takes its name from the key",
+                "leave the name out",
+            );
         }
         let (along, count) = self.along(at)?;
         if let Some(value) = along.twice() {
-            let what = format!("the value {value} is there twice");
+            let what = format!("the value {value} occurs twice");
             return refused(at, what, "give each value once");
         }
         let (name, along) = (None, vec![along]);
@@ -119,7 +123,7 @@ impl AxisTable {
     fn key(&self, at: &str) -> Result<ScenarioKey, InputError> {
         let Some(key) = &self.key else {
             let advice = "give a key such as striker.velocity";
-            return refused(at, "it has values and no key", advice);
+            return refused(at, "it has values but no key", advice);
         };
         let key_at = format!("{at}.key");
         ScenarioKey::parse(key).map_err(|error| InputError { key: key_at, ..error })
@@ -128,7 +132,10 @@ impl AxisTable {
     /// The key with its values, and their number.
     fn along(&self, at: &str) -> Result<(Along, u64), InputError> {
         let [spacing] = self.spacings()[..] else {
-            let what = format!("{} needs its values, once", self.key.as_deref().unwrap_or("it"));
+            let what = format!(
+                "{} needs exactly one set of values",
+                self.key.as_deref().unwrap_or("it")
+            );
             return refused(at, what, GIVE_VALUES);
         };
         let key = self.key(at)?;
@@ -137,7 +144,7 @@ impl AxisTable {
                 let at = format!("{at}.values");
                 let numbers: Vec<f64> = list.iter().filter_map(Value::as_float).collect();
                 if list.is_empty() {
-                    return refused(&at, "it is empty", "give a value at least");
+                    return refused(&at, "it is empty", "give at least one value");
                 }
                 check_range(&at, &numbers)?;
                 check_list(&at, &key, list)?;
@@ -150,13 +157,13 @@ impl AxisTable {
                 let at = format!("{at}.logspace");
                 let positive = from > 0.0 && to > 0.0;
                 if !positive && check_range(&at, &[from, to]).is_ok() {
-                    let what = format!("from {from} to {to} has no equal factors");
+                    let what = format!("there are no equal factors from {from} to {to}");
                     return refused(&at, what, "give ends above 0, or linspace");
                 }
                 space(&at, [from, to], count, true)?
             }
             Spacing::Drawn { .. } => {
-                let what = format!("{key} has bounds, and draws no points between them");
+                let what = format!("{key} has bounds, but no points are drawn between them here");
                 return refused(at, what, GIVE_VALUES);
             }
         };
@@ -188,8 +195,8 @@ impl AxisTable {
                 check_beads(&at, &key, bounds)?;
             }
             if from > to || (log && from <= 0.0) {
-                let what = format!("from {from} to {to} there is nothing to draw from");
-                return refused(&at, what, "give the least first; above 0 for loguniform");
+                let what = format!("there is nothing to draw between {from} and {to}");
+                return refused(&at, what, "give the lesser bound first, above 0 for loguniform");
             }
             let values = Values::Drawn {
                 method,
@@ -214,8 +221,8 @@ fn zipped(at: &str, tables: &[AxisTable]) -> Result<(Vec<Along>, u64), InputErro
         let (along, count) = table.along(&at)?;
         let first = *first.get_or_insert(count);
         if count != first {
-            let what = format!("{count} values, and {first} for the key before it");
-            return refused(&at, what, "keys that go together need equally many");
+            let what = format!("it has {count} values, but the first key of the zip has {first}");
+            return refused(&at, what, "give all keys of a zip equally many values");
         }
         all.push(along);
     }
@@ -244,7 +251,7 @@ fn space(at: &str, [from, to]: [f64; 2], count: f64, log: bool) -> Result<(Value
     let count = check_count(at, count)?;
     if count > 1 && from == to {
         let what = format!("{count} values from {from} to {to} are all the same");
-        return refused(at, what, "give two ends");
+        return refused(at, what, "give two different ends");
     }
     let values = Values::Space { from, to, count, log };
     Ok((values, count))
@@ -272,7 +279,7 @@ fn check_count(at: &str, count: f64) -> Result<u64, InputError> {
     let what = if count < 1.0 {
         "it is empty".to_owned()
     } else {
-        format!("{count} is no number of values")
+        format!("{count} is not a number of values")
     };
     refused(at, what, format!("give a whole number from 1 to {MOST_PLACES}"))
 }
@@ -289,7 +296,7 @@ fn check_beads(
     };
     match numbers.into_iter().find(|number| !is_bead(*number)) {
         Some(number) => {
-            let what = format!("{key}: {number} is no number of a bead");
+            let what = format!("{key}: {number} is not a bead number");
             refused(at, what, format!("give whole numbers from 1 to {MOST_BEADS}"))
         }
         None => Ok(()),
@@ -316,7 +323,7 @@ fn check_list(at: &str, key: &ScenarioKey, list: &[Value]) -> Result<(), InputEr
         let is_number = |value: &Value| number(value).is_some();
         if list.iter().any(|value| is_number(value) != is_number(&list[0])) {
             let what = "some values are numbers and some are not";
-            return wrong(what, "give one kind of them");
+            return wrong(what, "give values of one kind");
         }
         return Ok(());
     }
@@ -325,13 +332,18 @@ fn check_list(at: &str, key: &ScenarioKey, list: &[Value]) -> Result<(), InputEr
             (Value::Array(items), _) => {
                 let wholes: Option<Vec<i64>> = items.iter().map(Value::as_integer).collect();
                 let Some(wholes) = wholes else {
-                    let what = "a list has more than whole numbers";
+                    let what = "a list has entries that are not whole numbers";
                     return wrong(what, "name beads by their numbers");
                 };
                 check_beads(at, key, wholes.into_iter().map(|whole| whole as f64))?;
             }
             (_, Some(number)) => check_beads(at, key, [number])?,
-            _ => return wrong("a value is no number", "give numbers of beads, or lists of them"),
+            _ => {
+                return wrong(
+                    "a value is not a number",
+                    "give numbers of beads, or lists of them",
+                );
+            }
         }
     }
     Ok(())

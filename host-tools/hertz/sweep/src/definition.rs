@@ -82,7 +82,7 @@ impl Definition {
     /// As [`Definition::load`], and a sweep that names a file in place of its scenario.
     pub fn from_toml(text: &str, name: &str) -> Result<Self, InputError> {
         Self::read(text, name, |file, _| {
-            let what = "the name of a file, where its tables must be";
+            let what = "names a file, but must hold the scenario's tables";
             Err(file.locate(InputError::at("scenario", what, "make the plan anew")))
         })
     }
@@ -170,7 +170,7 @@ impl Definition {
         let outputs = &self.outputs;
         if outputs.columns().is_empty() {
             let advice = "ask for absorbed, energies, intruders, peaks, arrivals or transmission";
-            return Err(InputError::at("outputs", "nothing is kept of the runs", advice));
+            return Err(InputError::at("outputs", "no result of the runs is kept", advice));
         }
         let sweeps = |is_such: fn(&str) -> bool| tables.iter().any(|table| table.keys().any(is_such));
         let beads = if sweeps(|key| key == "chain.beads") {
@@ -245,7 +245,8 @@ mod tests {
     fn a_plan_that_names_a_file_in_place_of_its_scenario_is_refused() {
         let text = "scenario = \"a.toml\"\n[[axis]]\nkey = \"striker.velocity\"\nvalues = [1.0]";
         let refused = Definition::from_toml(text, "plan.toml").unwrap_err().to_string();
-        let why = "plan.toml:1: scenario: the name of a file, where its tables must be; make the plan anew";
+        let why =
+            "plan.toml:1: scenario: names a file, but must hold the scenario's tables; make the plan anew";
         assert_eq!(refused, why);
     }
 
@@ -358,25 +359,25 @@ axis: key = "intruder.3.mass" \n values = [1.0] => axis[1].key: intruder.3.mass 
 axis: key = "duration" \n range = [1.0, 0.5, 0.1] => sweep.toml:3: axis[1].range: the range from 1 to 0.5 in steps of 0.1 is empty => [first, last, step]
 axis: key = "duration" \n values = [] => axis[1].values: it is empty => give
 axis: key = "duration" \n linspace = [1, 2, 0] => axis[1].linspace: it is empty => whole
-axis: key = "duration" \n linspace = [1, 2, 1.5] => 1.5 is no number of values => whole
+axis: key = "duration" \n linspace = [1, 2, 1.5] => 1.5 is not a number of values => whole
 axis: key = "duration" \n logspace = [0, 2, 3] => no equal factors => linspace
 axis: key = "duration" \n linspace = [-1e308, 1e308, 3] => axis[1].linspace: -1e308 is out of range => 1e30
 axis: key = "duration" \n logspace = [1e-320, 1, 3] => axis[1].logspace: 1e-320 is out of range => 1e-30
 axis: key = "duration" \n values = [1, inf] => axis[1].values: inf is out of range => 1e30
-axis: key = "duration" \n values = [1, 1.0] => the value 1.0 is there twice => once
-axis: key = "duration" => duration needs its values => linspace
+axis: key = "duration" \n values = [1, 1.0] => the value 1.0 occurs twice => once
+axis: key = "duration" => duration needs exactly one set of values => linspace
 axis: values = [1] => no key => striker.velocity
 axis: key = "duration" \n values = ["long"] => axis[1].key: duration: the text => that kind
-axis: key = "chain.beads" \n values = [1.5] => axis[1].values: chain.beads: 1.5 is no number of a bead => 1 to 100000
-axis: key = "chain.beads" \n linspace = [1, 16, 5] => axis[1]: chain.beads: 4.75 is no number of a bead => 1 to 100000
+axis: key = "chain.beads" \n values = [1.5] => axis[1].values: chain.beads: 1.5 is not a bead number => 1 to 100000
+axis: key = "chain.beads" \n linspace = [1, 16, 5] => axis[1]: chain.beads: 4.75 is not a bead number => 1 to 100000
 axis: key = "chain.beads" \n logspace = [1, 2, 1e12] => 1000000000000 values from 1 to 2 cannot all be beads => fewer
-axis: key = "intruder.1.beads" \n values = [8, [7, 0]] => axis[1].values: intruder.1.beads: 0 is no number of a bead => 1 to 100000
-axis: key = "intruder.1.beads" \n values = [8, [7, 8.5]] => a list has more than whole numbers => by their numbers
-axis: key = "chain.beads" \n values = [8, "9"] => a value is no number => numbers of beads
-axis: random = 9 \n over = [{ key = "chain.beads", loguniform = [0.5, 30] }] => axis[1].over[1]: chain.beads: 0.5 is no number of a bead => 1 to 100000
+axis: key = "intruder.1.beads" \n values = [8, [7, 0]] => axis[1].values: intruder.1.beads: 0 is not a bead number => 1 to 100000
+axis: key = "intruder.1.beads" \n values = [8, [7, 8.5]] => a list has entries that are not whole numbers => by their numbers
+axis: key = "chain.beads" \n values = [8, "9"] => a value is not a number => numbers of beads
+axis: random = 9 \n over = [{ key = "chain.beads", loguniform = [0.5, 30] }] => axis[1].over[1]: chain.beads: 0.5 is not a bead number => 1 to 100000
 axis: key = "duration" \n values = [0.1, 0.9, "1.2"] => axis[1].values: duration: some values are numbers and some are not => one kind
 axis: random = 10 => draws points over no key => over =
-axis: zip = [{ key = "duration", values = [1, 2] }, { key = "chain.young", values = [1] }] => axis[1].zip[2]: 1 values, and 2 => equally many
+axis: zip = [{ key = "duration", values = [1, 2] }, { key = "chain.young", values = [1] }] => axis[1].zip[2]: it has 1 values, but the first key of the zip has 2 => equally many
 axis: key = "duration" \n values = [1] \n [[axis]] \n key = "duration" \n values = [1] => sweep.toml:4: axis[2]: duration is swept twice => one axis
 axis: key = "duration" \n values = [1] \n [outputs] \n peaks = [99] => outputs.peaks: 99 is not in the chain => 1 to 16
 axis: key = "wall.young" \n values = [1e9] => axis[1].key: wall.young: the key `poisson` is missing => poisson

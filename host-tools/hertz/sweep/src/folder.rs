@@ -61,8 +61,8 @@ impl Folder {
             }
             let [other, this] = [&there.plan, &plan].map(|plan| short(plan.hash()));
             bail!(
-                "{place} holds the parts of another sweep (plan {other}, this is {this}); give another place, or \
-                 remove it"
+                "{place} holds the parts of another sweep (plan {other}; this is plan {this}); give another place, or \
+                 remove that folder"
             );
         }
         let cannot =
@@ -73,7 +73,7 @@ impl Folder {
         let is_other = |entry: &fs::DirEntry| !is_unfinished(&entry.file_name().to_string_lossy());
         let mut entries = fs::read_dir(path).map_err(cannot)?.flatten();
         if entries.any(|entry| is_other(&entry)) {
-            bail!("{place} holds files that are not of a sweep; give another place");
+            bail!("{place} holds files that do not belong to a sweep; give another place");
         }
         let page = Page {
             plan: plan.hash().to_owned(),
@@ -123,8 +123,8 @@ impl Folder {
         if !(1..=plan.points().min(MOST_CHUNKS)).contains(&page.chunks) {
             let Page { points, chunks, .. } = page;
             bail!(
-                "{name} has {points} points in {chunks} chunks, and at most {MOST_CHUNKS} have a number; make the \
-                 plan anew"
+                "{name} divides {points} points into {chunks} chunks; a plan has 1 to {MOST_CHUNKS}, none of them empty; make \
+                 the plan anew"
             );
         }
         Ok(Self {
@@ -194,7 +194,7 @@ impl Folder {
         let part = Reader::open(&path).map_err(|error| strange(format!("it {error}")))?;
         let plan = part.note("plan").unwrap_or_default();
         if plan != self.plan.hash() {
-            return Err(strange(format!("it is of plan {}", short(plan))));
+            return Err(strange(format!("it belongs to plan {}", short(plan))));
         }
         let points = self.points(chunk);
         let (rows, note) = (part.rows(), part.note("chunk").unwrap_or("?"));

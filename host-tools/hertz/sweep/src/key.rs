@@ -37,7 +37,7 @@ impl ScenarioKey {
         let count = text.split('.').count();
         if count > MOST_PARTS {
             // A scenario with tables nested this deeply cannot even be dropped.
-            let what = format!("a key of {count} parts is in no scenario");
+            let what = format!("no scenario has a key of {count} parts");
             return Err(InputError::at("", what, "write it like intruder.1.mass"));
         }
         let segments: Vec<String> = text.split('.').map(str::to_owned).collect();
@@ -48,7 +48,7 @@ impl ScenarioKey {
         }
         let advice =
             "write it like striker.velocity or intruder.1.mass (tables of a list are counted from 1)";
-        Err(InputError::at("", format!("`{text}` is no key"), advice))
+        Err(InputError::at("", format!("`{text}` is not a key"), advice))
     }
 
     /// True if its value is a number of beads, or names beads.
@@ -106,8 +106,8 @@ impl ScenarioKey {
                 let place = number.and_then(|number| number.checked_sub(1));
                 place.and_then(|place| list.get_mut(place)).ok_or_else(|| {
                     let what = format!(
-                        "{self} is not in the scenario: `{path}` has {count} there, counted from 1, and `{part}` is none of \
-                         them"
+                        "{self} is not in the scenario: `{path}` has {count} entries, counted from 1, and `{part}` is not one \
+                         of them"
                     );
                     let advice = format!("write it like {path}.1, or add it to the scenario");
                     InputError::at("", what, advice)

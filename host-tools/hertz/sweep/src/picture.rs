@@ -21,10 +21,10 @@ const MOST_VALUE: f64 = 1e300;
 /// The file is no such table, or the view does not fit it.
 pub fn chart(table: &Path, view: &View) -> anyhow::Result<Chart> {
     let reader = Reader::open(table)?;
-    let sweep = reader.note("sweep").context("is no table of bead sweep")?;
+    let sweep = reader.note("sweep").context("is not a table of bead sweep")?;
     let plan = Plan::new(Definition::from_toml(sweep, "its sweep")?)?;
     let (has, points) = (reader.rows(), plan.points());
-    anyhow::ensure!(has == points, "has {has} rows, and its sweep {points} points");
+    anyhow::ensure!(has == points, "has {has} rows, but its sweep has {points} points");
     let layout = view.layout(&plan).map_err(anyhow::Error::msg)?;
     let value = match &layout.form {
         ChartForm::Curves { y, .. } => y,
@@ -52,11 +52,11 @@ fn values(reader: &Reader, plan: &Plan, at: &[ChosenPlace], result: &str) -> any
                 _ => None,
             };
             let point = point.filter(|point| *point < plan.points());
-            let point = point.context("has a row of no point of its sweep")?;
+            let point = point.context("has a row that belongs to no point of its sweep")?;
             if at.iter().all(|at| plan.place(point, at.axis) == at.place) {
                 anyhow::ensure!(
                     rows.len() < MOST_POINTS,
-                    "has points twice, and so others are missing"
+                    "has some points twice, so others are missing"
                 );
                 let value = row[1].as_f64().filter(|value| value.abs() <= MOST_VALUE);
                 rows.push((point, value.unwrap_or(f64::NAN)));
@@ -65,7 +65,7 @@ fn values(reader: &Reader, plan: &Plan, at: &[ChosenPlace], result: &str) -> any
     }
     rows.sort_by_key(|row| row.0);
     if let Some(twice) = rows.windows(2).find(|pair| pair[0].0 == pair[1].0) {
-        anyhow::bail!("has point {} twice, and so others are missing", twice[0].0);
+        anyhow::bail!("has point {} twice, so others are missing", twice[0].0);
     }
     anyhow::ensure!(
         rows.iter().any(|row| row.1.is_finite()),
@@ -295,10 +295,10 @@ mod tests {
 
     /// Words for a sweep over speeds and masses, and the refusal.
     const REFUSALS_OF_TWO: &str = "\
-at=zip=1 at=intruder_1_mass_kg=1 => another --at has chosen
-x=zip at=intruder_1_mass_kg=1 => --x is of an axis of which --at leaves one place
-y=zip at=zip=1 => --y is of an axis of which --at leaves one place
-by=zip at=zip=1 => --by is of an axis of which --at leaves one place
+at=zip=1 at=intruder_1_mass_kg=1 => another --at already chooses
+x=zip at=intruder_1_mass_kg=1 => --x names an axis that --at fixes at one place
+y=zip at=zip=1 => --y names an axis that --at fixes at one place
+by=zip at=zip=1 => --by names an axis that --at fixes at one place
 at=zip=nan => the value must be a finite number
 at=zip=-inf => the value must be a finite number
 at=zip=1 at=striker_velocity_mps=1 => there is no axis left for --x; leave out an --at";
@@ -315,10 +315,10 @@ at=zip=1 at=striker_velocity_mps=1 => there is no axis left for --x; leave out a
                 one,
                 " => each axis of this sweep has one value; name the column of one with --x",
             ),
-            (&speeds(1_000_001), " => curves of 1000001 points are more"),
+            (&speeds(1_000_001), " => 1000001 points are too many for curves"),
             (
                 &long,
-                "x=striker_velocity_mps by=chain_young_pa => curves of 1000002 points are more",
+                "x=striker_velocity_mps by=chain_young_pa => 1000002 points are too many for curves",
             ),
         ] {
             for (words, why) in rows.lines().map(|row| row.split_once("=> ").unwrap()) {
@@ -337,10 +337,10 @@ at=zip=1 at=striker_velocity_mps=1 => there is no axis left for --x; leave out a
         };
         assert_eq!(drawn(&[0, 1, 2], &speeds(3)), None);
         for (points, why) in [
-            (&[0, 1][..], "has 2 rows, and its sweep 3 points"),
-            (&[0, 1, 3], "has a row of no point of its sweep"),
-            (&[0, 1, -1], "has a row of no point of its sweep"),
-            (&[1, 0, 1], "has point 1 twice, and so others are missing"),
+            (&[0, 1][..], "has 2 rows, but its sweep has 3 points"),
+            (&[0, 1, 3], "has a row that belongs to no point of its sweep"),
+            (&[0, 1, -1], "has a row that belongs to no point of its sweep"),
+            (&[1, 0, 1], "has point 1 twice, so others are missing"),
         ] {
             assert_eq!(drawn(points, &speeds(3)).as_deref(), Some(why));
         }
@@ -348,7 +348,7 @@ at=zip=1 at=striker_velocity_mps=1 => there is no axis left for --x; leave out a
         let times = speeds(MOST_POINTS as u64 / 2 + 1).replace("striker.velocity", "duration");
         let axes = speeds(2) + &times;
         let why = drawn_over(again, &Cell::Number(1e-6), &axes, "at=striker_velocity_mps=0");
-        let expected = "has points twice, and so others are missing";
+        let expected = "has some points twice, so others are missing";
         assert_eq!(why.err().as_deref(), Some(expected));
     }
 }

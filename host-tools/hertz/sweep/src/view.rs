@@ -56,7 +56,7 @@ const MOST_PLACES: u64 = 10_000_000;
 /// Names of a list in a message at most.
 const NAMES: usize = 20;
 
-const NO_MAP: &str = "a map needs two axes of the sweep with two values each; draw a curve";
+const NO_MAP: &str = "a map needs two axes of the sweep with at least two values each; draw a curve";
 
 impl View {
     /// Checks that the view fits a sweep.
@@ -95,7 +95,7 @@ impl View {
     fn map_form<'a>(&self, axes: &mut OpenAxes<'a>, x: &AxisColumn<'_>) -> Result<ChartForm<'a>, String> {
         let y = axes.take(self.y.as_deref(), "--y", false)?;
         if y.axis == x.axis {
-            return Err("a map needs two axes of the sweep, and --x and --y are of one".to_owned());
+            return Err("a map needs two axes of the sweep, but --x and --y name the same one; choose another axis for one of them".to_owned());
         }
         let value = result(axes.plan, self.map.as_deref().filter(|name| !name.is_empty()))?;
         Ok(ChartForm::Map { y, value })
@@ -105,7 +105,7 @@ impl View {
         let by = self.by.as_deref().map(|by| axes.take(Some(by), "--by", false));
         let by = by.transpose()?;
         if by.as_ref().is_some_and(|by| by.axis == x.axis) {
-            return Err("--x and --by are of one axis; give two".to_owned());
+            return Err("--x and --by name the same axis; choose another axis for one of them".to_owned());
         }
         let y = result(axes.plan, self.y.as_deref())?;
         Ok(ChartForm::Curves { y, by })
@@ -125,7 +125,7 @@ fn result(plan: &Plan, name: Option<&str>) -> Result<String, String> {
         return Ok(name.to_owned());
     }
     Err(format!(
-        "{name} is no result of this sweep; there are {}",
+        "{name} is not a result of this sweep; its results are {}",
         first_of(results, NAMES)
     ))
 }
@@ -146,7 +146,7 @@ impl<'a> OpenAxes<'a> {
         if let Some(long) = plan.axes().iter().find(|axis| axis.count > MOST_PLACES) {
             let (name, count) = (long.index(), long.count);
             return Err(format!(
-                "axis {name} has {count} places, and {MOST_PLACES} are the most that a picture is made of"
+                "axis {name} has {count} places, more than the {MOST_PLACES} that a picture can show"
             ));
         }
         let mut at: Vec<ChosenPlace> = Vec::new();
@@ -154,7 +154,7 @@ impl<'a> OpenAxes<'a> {
             let place = ChosenPlace::parse(plan, text)?;
             if at.iter().any(|other| other.axis == place.axis) {
                 return Err(format!(
-                    "--at {text}: another --at has chosen a place of that axis; leave out one of them"
+                    "--at {text}: another --at already chooses a place on that axis; leave out one of them"
                 ));
             }
             at.push(place);
@@ -178,7 +178,7 @@ impl<'a> OpenAxes<'a> {
         let column = match name {
             Some(name) => AxisColumn::find(self.plan, name).ok_or_else(|| {
                 let known = first_of(self.plan.axes().iter().map(SweepAxis::index), NAMES);
-                format!("{name} is no column of an axis of this sweep; there are {known}")
+                format!("{name} is not a column of an axis of this sweep; its axes are {known}")
             })?,
             None => {
                 let axis = if last { self.open.last() } else { self.open.first() };
@@ -187,7 +187,7 @@ impl<'a> OpenAxes<'a> {
         };
         if self.at.iter().any(|place| place.axis == column.axis) {
             return Err(format!(
-                "{option} is of an axis of which --at leaves one place; leave out one of them"
+                "{option} names an axis that --at fixes at one place; leave out one of the two options"
             ));
         }
         self.open.retain(|axis| *axis != column.axis);
@@ -211,7 +211,7 @@ impl<'a> OpenAxes<'a> {
         let left = left.map(|axis| format!("{} ({} values)", axis.index(), axis.count));
         let first = axis(first).index();
         Err(format!(
-            "the sweep has more axes: {}; choose a place of each with --at {first}=VALUE, or a curve for each with --by {first}",
+            "the sweep has more axes: {}; choose a place on each with --at {first}=VALUE, or draw a curve for each value with --by {first}",
             first_of(left, NAMES)
         ))
     }
@@ -231,7 +231,7 @@ impl ChartLayout<'_> {
                 }
                 if across * curves > MOST_POINTS as u64 {
                     return Err(format!(
-                        "curves of {} points are more than can be seen, and {MOST_POINTS} are the most; choose places with \
+                        "{} points are too many for curves, which show at most {MOST_POINTS}; choose places with \
                          --at, or sweep fewer values",
                         across * curves
                     ));
@@ -244,7 +244,7 @@ impl ChartLayout<'_> {
                 }
                 if across.saturating_mul(up) > MOST_CELLS {
                     return Err(format!(
-                        "a map of {across} × {up} cells is more than can be seen; {MOST_CELLS} are the most"
+                        "a map of {across} × {up} cells is too large; at most {MOST_CELLS} cells can be drawn"
                     ));
                 }
                 Cells::new(&self.x).and(Cells::new(y))?;

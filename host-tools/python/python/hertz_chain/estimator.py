@@ -43,11 +43,11 @@ class Estimator:
 
         Raises:
             ScenarioError: another shape, or codes outside 0 to 4095.
-            TypeError: codes that are no integers.
+            TypeError: codes that are not integers.
         """
         array = np.asarray(codes)
         if not np.issubdtype(array.dtype, np.integer):
-            raise TypeError(f"codes are {array.dtype}; give integers, as a converter has them")
+            raise TypeError(f"codes are {array.dtype}; give integers, as a converter does")
         if array.ndim != 2 or array.shape[1] != 4:
             raise _hertz_chain.ScenarioError(
                 f"codes have the shape {array.shape}; give (n, 4): force, wide force, acceleration, wide acceleration"
@@ -76,7 +76,7 @@ class Estimator:
             Codes for `process`, shape (scans, 4).
 
         Raises:
-            ScenarioError: no signal, values that are no numbers, or another shape.
+            ScenarioError: no signal, values that are not numbers, or another shape.
         """
         signals = [None if signal is None else np.asarray(signal, dtype=np.float64) for signal in (force, acceleration)]
         if all(signal is None for signal in signals):

@@ -41,7 +41,7 @@ def ensemble(
     peaks: Sequence[int] = (),
     progress: Callable[[float], object] | None = None,
 ) -> Ensemble:
-    """Run many scenarios, each over its duration; chains that differ in numbers alone are fast.
+    """Run many scenarios, each over its duration; chains that differ only in numbers are fast.
 
     The absorbed energy has a relative error of at most 1e-6, a greatest force one of 1e-5, in chains like the paper's.
 
@@ -111,7 +111,7 @@ def sweep(
         progress: is called with the completed part, 0 to 1.
 
     Raises:
-        ScenarioError: a key or a value that is none of a sweep.
+        ScenarioError: a key or a value that a sweep does not take.
         KeyboardInterrupt: Ctrl-C.
     """
     path, tables = None, None
@@ -176,10 +176,10 @@ def optimise(
         hosts_at_most: most of the hosts that hold an intruder; the search chooses them.
         radii: beads whose radii may vary too, each by itself, with the least and the greatest in m, such as
             `(range(10, 17), 0.012, 0.022)`. `report["radii"]` has those found.
-        spread: deviations common to all intruders that the design is to bear, such as `stiffness:15%,damping:30%`; the
-            worst of their corners counts. `report["robustness"]` has the optimum without them beside it.
+        spread: deviations common to all intruders that the design must tolerate, such as `stiffness:15%,damping:30%`;
+            the worst of their corners counts. `report["robustness"]` has the optimum without them beside it.
         speeds: speeds of the striker, m/s; the scenario's own by default.
-        worst: of several speeds the greatest value counts, and not the mean.
+        worst: of several speeds the greatest value counts, not the mean.
         alike: all intruders are alike.
         evaluations: most designs to try; as many again for a spread, a catalogue and a choice of hosts.
         callback: is called often with the designs tried, the least share so far and the descents begun. If it returns

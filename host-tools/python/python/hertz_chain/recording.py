@@ -22,7 +22,7 @@ class Recording:
     >>> recording.strikes_pandas()[["absorbed_measured_j", "uncertainty_measured_j"]]  # doctest: +SKIP
 
     Raises:
-        RecordingError: the file cannot be read, or is no recording.
+        RecordingError: the file cannot be read, or is not a recording.
     """
 
     __slots__ = ("_native",)

@@ -15,19 +15,19 @@ def _plain(value: Any) -> Any:
     """A NumPy scalar or array as Python's own numbers, for `json`."""
     if isinstance(value, (np.generic, np.ndarray)):
         return value.tolist()
-    raise TypeError(f"{type(value).__name__} is no value of a scenario; give numbers, texts, lists or dictionaries")
+    raise TypeError(f"{type(value).__name__} is not a value of a scenario; give numbers, texts, lists or dictionaries")
 
 
 def as_json(tables: dict[str, Any]) -> str:
     """Tables as JSON.
 
     Raises:
-        ScenarioError: a value is no finite number.
+        ScenarioError: a value is not a finite number.
     """
     try:
         return json.dumps(tables, default=_plain, allow_nan=False)
     except ValueError:
-        raise _hertz_chain.ScenarioError("a value is infinite or no number; give finite numbers") from None
+        raise _hertz_chain.ScenarioError("a value is infinite or not a number; give finite numbers") from None
 
 
 class Scenario:

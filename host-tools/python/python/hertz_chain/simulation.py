@@ -55,7 +55,7 @@ class Simulation:
     intruders: NDArray[np.int64]
     #: Peaks, final state, energies by cause and cost, as `bead simulate --format json` prints them.
     summary: dict[str, Any]
-    #: Time that the integration took, s; what a call takes beside is that of the arrays' way to Python.
+    #: Time that the integration took, s; the rest of a call's time goes into handing the arrays to Python.
     seconds: float
 
     def __getitem__(self, name: str) -> NDArray[np.float64]:
@@ -105,7 +105,7 @@ def simulate(
     Args:
         scenario: the chain and its strike.
         rate: times a second of the arrays, Hz. It has no influence on the error.
-        observables: names of `OBSERVABLES`; all of them by default, none for the summary alone.
+        observables: names of `OBSERVABLES`; all of them by default, none for only the summary.
         tolerance: relative error of a step. The default is that of the command line.
         longest_step: longest step as a part of the shortest time of contact.
 

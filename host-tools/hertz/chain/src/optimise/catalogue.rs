@@ -118,7 +118,7 @@ pub(super) fn check_loss_factor(key: &str, factor: Option<f64>) -> Result<(), In
     let Some(factor) = factor.filter(|factor| !(*factor > 0.0 && *factor <= LOSS_FACTOR_MOST)) else {
         return Ok(());
     };
-    let what = format!("{factor} is no loss factor c/√(k m)");
+    let what = format!("{factor} is not a loss factor c/√(k m)");
     let advice = format!("give a number above 0, at most {LOSS_FACTOR_MOST}, such as 0.1");
     Err(InputError::at(key, what, advice))
 }
@@ -126,15 +126,15 @@ pub(super) fn check_loss_factor(key: &str, factor: Option<f64>) -> Result<(), In
 fn check(springs: &[CatalogueSpring]) -> Result<(), InputError> {
     if springs.is_empty() {
         let advice = "add a [[spring]] with name and stiffness";
-        return Err(InputError::at("", "no spring is in it", advice));
+        return Err(InputError::at("", "it has no spring", advice));
     }
     let mut names = HashSet::new();
     for (spring, number) in springs.iter().zip(1..) {
         let at = TableCheck::of(format!("spring[{number}]."));
         let name = &spring.name;
         if name.is_empty() || name.chars().any(char::is_control) || !names.insert(name) {
-            let what = format!("{name:?} is no name of its own");
-            let advice = "give each spring another one, on one line";
+            let what = format!("{name:?} is not a unique name on one line");
+            let advice = "give each spring a name of its own";
             return Err(InputError::at(format!("spring[{number}].name"), what, advice));
         }
         for (key, value, unit) in [
@@ -148,7 +148,7 @@ fn check(springs: &[CatalogueSpring]) -> Result<(), InputError> {
         let key = format!("spring[{number}].loss_factor");
         check_loss_factor(&key, spring.loss_factor)?;
         if spring.loss_factor.is_some() && spring.damping.is_some() {
-            let what = "a spring has a damping or a loss factor";
+            let what = "a spring has either a damping or a loss factor";
             return Err(InputError::at(key, what, "leave one of them out"));
         }
     }

@@ -178,7 +178,7 @@ impl Objective {
         } else {
             format!("{self} is {value} in a strike at {speed} m/s without intruders")
         };
-        let advice = "let the run be longer, or choose a place that the wave passes";
+        let advice = "give the run more time, or choose a place that the wave passes";
         Err(OptimiseError::Search(InputError::at("objective", what, advice)))
     }
 

@@ -101,8 +101,8 @@ pub(super) fn given(struck: &Scenario, injected: f64) -> Result<f64, InputError>
         return Ok(injected);
     }
     let (duration, speed) = (struck.duration, struck.striker.velocity);
-    let what = format!("after {duration:.3e} s at {speed} m/s the striker has given no energy");
-    Err(InputError::at("duration", what, "let the run be longer"))
+    let what = format!("after {duration:.3e} s at {speed} m/s the striker has given the chain no energy");
+    Err(InputError::at("duration", what, "give the run more time"))
 }
 
 /// The scenario with its striker at `speed`, for the time in which the wave comes equally far.

@@ -229,11 +229,11 @@ impl Search {
                 let checked = run.and_then(|run| run.check(struck.duration, longest_step));
                 if let Err(SimulateError::TooStiff { time, steps, .. }) = checked {
                     let what = format!(
-                        "{bound:e} makes an intruder with a time constant of {time:.1e} s, and a run of {steps:.1e} steps"
+                        "{bound:e} gives an intruder a time constant of {time:.1e} s, and the run {steps:.1e} steps"
                     );
                     let advice = match key {
-                        "mass" => "let the least mass be greater",
-                        _ => "let the greatest be less; mass is in kg, stiffness in N/m, damping in N·s/m",
+                        "mass" => "raise the least mass",
+                        _ => "lower the greatest value; mass is in kg, stiffness in N/m, damping in N·s/m",
                     };
                     return Err(InputError::at(key, what, advice));
                 }
@@ -253,7 +253,7 @@ impl Search {
             ("damping", self.damping, "N·s/m, such as 12"),
         ] {
             if !(high.is_finite() && low > 0.0 && low < high) {
-                let what = format!("{low} to {high} is no range to search");
+                let what = format!("{low} to {high} is not a range to search");
                 let advice = "give two positive numbers, the lesser first";
                 return Err(InputError::at(key, what, advice));
             }
@@ -272,19 +272,20 @@ impl Search {
             } else {
                 ""
             };
-            let what = format!("{greatest} kg is as heavy as bead {bead} {smallest}of {host:.3e} kg");
-            return Err(InputError::at("mass", what, "let the greatest mass be less"));
+            let what =
+                format!("{greatest} kg is at least as heavy as bead {bead} {smallest}of {host:.3e} kg");
+            return Err(InputError::at("mass", what, "lower the greatest mass"));
         }
         let (count, total) = (self.hosts.len(), self.total_mass);
         if least * count as f64 > total {
             let what =
                 format!("{count} hosts of at least {least} kg are more than the total mass of {total} kg");
-            return Err(InputError::at("mass", what, "let the least mass be less"));
+            return Err(InputError::at("mass", what, "lower the least mass"));
         }
         if self.hosts_at_most == Some(0) {
             let (what, advice) = (
-                "0 hosts hold no intruder",
-                "give a number from 1 on, or leave it out",
+                "with 0 hosts there is no intruder",
+                "give 1 or more, or leave it out",
             );
             return Err(InputError::at("hosts_at_most", what, advice));
         }
@@ -319,7 +320,7 @@ impl Sizes {
             TableCheck::of("").check("sizes", radius, ValueRange::Positive("m, such as 0.019"))?;
         }
         if low >= high {
-            let what = format!("{low} to {high} m is no range to search");
+            let what = format!("{low} to {high} m is not a range to search");
             let advice = "give two radii in m, the lesser first";
             return Err(InputError::at("sizes", what, advice));
         }

@@ -54,7 +54,7 @@ impl Spread {
     pub(super) fn check(self) -> Result<(), InputError> {
         for (name, spread) in [("stiffness", self.stiffness), ("damping", self.damping)] {
             if !(0.0..=MOST).contains(&spread) {
-                let what = format!("{spread} is no spread of the {name}");
+                let what = format!("{spread} is not a spread of the {name}");
                 let advice = format!("give a part from 0 to {MOST}, such as 0.15 or 15%");
                 return Err(InputError::at("spread", what, advice));
             }

@@ -234,7 +234,7 @@ impl<'a> Walk<'a> {
         let range = back.min(to)..=back.max(to);
         if !(*range.start() > 0.0 && to.is_finite() && range.contains(&from) && from != to) {
             let what = format!("no branch goes from {from} to {to} and turns back to {back}");
-            let advice = "give values above zero, that of the start between the others";
+            let advice = "give values above zero, with the start between the other two";
             return Err(InputError::at("", what, advice).into());
         }
         let curve = Curve {

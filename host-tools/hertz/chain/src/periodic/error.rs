@@ -12,7 +12,7 @@ pub enum PeriodicError {
     Simulate(#[from] SimulateError),
     /// Newton's method found no motion that repeats near its start.
     #[error(
-        "no motion that repeats is near: after {iterations} steps of Newton's method a period misses its start by {residual:.1e} of the motion; start from a state at a near drive, or follow a branch to here"
+        "no motion that repeats was found nearby: after {iterations} steps of Newton's method a period misses its start by {residual:.1e} of the motion; start from a state at a similar drive, or follow a branch to this one"
     )]
     NoState {
         /// Steps made.

@@ -28,7 +28,7 @@ fn check(scenario: &Scenario) -> Result<(), InputError> {
         return Err(InputError::at("chain.beads", what, advice));
     }
     if scenario.holds_several() {
-        let what = "motions that repeat are found for beads that hold one intruder each";
+        let what = "motions that repeat can only be found for beads that hold at most one intruder each";
         return Err(InputError::at("intruder", what, "give each bead one at most"));
     }
     let pushed = scenario.drive.as_ref().map(|drive| drive.quantity) == Some(DriveQuantity::Force);
@@ -38,7 +38,7 @@ fn check(scenario: &Scenario) -> Result<(), InputError> {
         return Err(InputError::at("wall", what, advice));
     }
     if chain.precompression == 0.0 && chain.gravity == 0.0 && scenario.starts.is_empty() {
-        let what = "beads that just touch do not answer to a small push, so no motion is found from rest";
+        let what = "beads that just touch do not respond to a small push, so no motion is found from rest";
         let advice = "give a static load in N, or [[start]] tables near the motion";
         return Err(InputError::at("chain.precompression", what, advice));
     }
@@ -64,12 +64,12 @@ impl PeriodMap {
         let mut scenario = scenario.clone();
         let Some(drive) = &mut scenario.drive else {
             let what = "a chain without a drive has no period";
-            return refuse("drive", what, "give it one, of one frequency");
+            return refuse("drive", what, "give it a drive of one frequency");
         };
         drive.ramp = 0.0;
         let Some(frequency) = drive.frequency else {
             let what = "a record has no period";
-            return refuse("drive.samples", what, "give a frequency in their place");
+            return refuse("drive.samples", what, "give a frequency instead");
         };
         if drive.frequency_end.is_some_and(|end| end != frequency) {
             let what = "a chirp has no period";

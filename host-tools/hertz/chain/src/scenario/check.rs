@@ -45,7 +45,7 @@ impl ValueRange {
             Self::AnySign(complement, unit) => (value.is_finite(), complement, ["give a number in ", unit]),
             Self::Poisson => (
                 value > -1.0 && value <= 0.5,
-                "no Poisson's ratio",
+                "not a Poisson's ratio",
                 ["give a number above -1 and at most 0.5, such as ", "0.44"],
             ),
         }
@@ -59,12 +59,12 @@ const GRAVITY: ValueRange =
     NotNegative("an acceleration in m/s², such as 9.81, or leave it out for a horizontal chain");
 const GAP: ValueRange = NotNegative("a length in m, such as 1e-6, or 0 for bodies that touch");
 const VELOCITY: ValueRange = AnySign(
-    "no velocity",
+    "not a velocity",
     "m/s, below zero for a bead that flies towards the striker",
 );
-const DISPLACEMENT: ValueRange = AnySign("no displacement", "m, below zero towards the striker");
+const DISPLACEMENT: ValueRange = AnySign("not a displacement", "m, below zero towards the striker");
 const CUBIC_STIFFNESS: ValueRange = AnySign(
-    "no cubic stiffness",
+    "not a cubic stiffness",
     "N/m³, above zero for a spring that hardens, below for one that softens",
 );
 const DAMPING: ValueRange = NotNegative("zero or more in N·s/m, such as 12.0");
@@ -229,7 +229,7 @@ impl Scenario {
             let moves_intruder = start.intruder_displacement != 0.0 || start.intruder_velocity != 0.0;
             let mut beads = start.beads.iter();
             if let Some(bead) = beads.find(|bead| moves_intruder && !hosts.contains_key(bead)) {
-                let what = format!("bead {bead} has no intruder that could begin so");
+                let what = format!("bead {bead} has no intruder that could start displaced or moving");
                 return Err(at.error("beads", what, "name hosts only, or add the intruder"));
             }
             let displacement = start.intruder_displacement;
@@ -301,7 +301,7 @@ impl Scenario {
             intruder.check(&at)?;
             self.check_inside(&at, index)?;
             if intruder.cubic_stiffness != 0.0 && self.chain.gravity > 0.0 {
-                let what = "a spring that is not linear is another one when a weight hangs from it";
+                let what = "the stiffness of a nonlinear spring changes when a weight hangs from it";
                 let advice = "leave out cubic_stiffness or chain.gravity";
                 return Err(at.error("cubic_stiffness", what, advice));
             }
@@ -314,8 +314,9 @@ impl Scenario {
                     } else {
                         ""
                     };
-                    let what =
-                        format!("{mass} kg{with} is as heavy as its host, bead {bead} of {host:.3e} kg");
+                    let what = format!(
+                        "{mass} kg{with} is at least as heavy as its host, bead {bead} of {host:.3e} kg"
+                    );
                     let advice = "give less: the intruder's mass is part of the bead's";
                     return Err(at.error("mass", what, advice));
                 }
@@ -391,7 +392,7 @@ impl TableCheck {
             return Ok(());
         }
         let (least, most) = (SIZES.start(), SIZES.end());
-        let what = format!("{value:e} is out of the range of sizes that are computed with");
+        let what = format!("{value:e} is out of the range of sizes that can be computed");
         let advice = format!("give a number from {least:e} to {most:e}, in SI units");
         Err(self.error(key, what, advice))
     }

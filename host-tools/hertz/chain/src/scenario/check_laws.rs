@@ -15,7 +15,7 @@ impl Drive {
             DriveQuantity::Force => ("a number in N, such as 0.1", "N"),
         };
         if !self.amplitude.is_finite() {
-            let what = format!("{} is no amplitude", self.amplitude);
+            let what = format!("{} is not an amplitude", self.amplitude);
             return Err(at.error("amplitude", what, format!("give {unit}")));
         }
         if let Some(file) = &self.file {
@@ -40,7 +40,7 @@ impl Drive {
             (true, true) => {}
             (false, false) => self.check_samples(&at, duration, value)?,
             (true, false) => {
-                let what = "a drive is a sine or a record";
+                let what = "a drive is either a sine or a record";
                 return Err(at.error("frequency", what, "leave out the frequency or the record"));
             }
             (false, true) => {
@@ -59,14 +59,17 @@ impl Drive {
         let count = self.samples.len();
         let error = |what: String, advice: &str| Err(at.error("samples", what, advice));
         if count < 3 {
-            return error(format!("{count} samples are no record"), "give three or more");
+            return error(
+                format!("{count} samples are too few for a record"),
+                "give three or more",
+            );
         }
         if let Some(wrong) = self
             .samples
             .iter()
             .position(|sample| !sample.iter().all(|x| x.is_finite()))
         {
-            let what = format!("sample {} is no number", wrong + 1);
+            let what = format!("sample {} has a value that is not a finite number", wrong + 1);
             return error(what, &format!("give times in s and values in {unit}"));
         }
         if self.samples[0][0] != 0.0 {
@@ -91,7 +94,7 @@ impl ContactLaw {
     pub(super) fn check(&self, is_clipped: bool) -> Result<(), InputError> {
         let at = TableCheck::of("contact.");
         if !(1.0..=8.0).contains(&self.exponent) {
-            let what = format!("{} is no exponent of a contact", self.exponent);
+            let what = format!("{} is not an exponent of a contact", self.exponent);
             return Err(at.error("exponent", what, "give a number from 1 to 8, such as 1.5"));
         }
         at.check("stiffness", self.stiffness, Positive("N/m^exponent"))?;
@@ -108,12 +111,12 @@ impl ContactLaw {
             return Err(at.error("damping_exponent", what, "give both, or neither"));
         }
         if self.damping == Damping::Viscoelastic && self.coefficient != 0.0 {
-            let what = "viscoelastic damping has the relaxation times of the materials";
+            let what = "viscoelastic damping follows from the relaxation times of the materials";
             return Err(at.error("coefficient", what, "leave it out, or give another damping"));
         }
         if !(0.0..1.0).contains(&self.friction) {
-            let what = format!("{} is no coefficient of friction", self.friction);
-            return Err(at.error("friction", what, "give a number from 0 on, below 1, such as 0.03"));
+            let what = format!("{} is not a coefficient of friction", self.friction);
+            return Err(at.error("friction", what, "give 0 or more, but less than 1, such as 0.03"));
         }
         let range = Positive("m/s, such as 1e-3");
         at.check("friction_speed", self.friction_speed, range)?;

@@ -115,8 +115,8 @@ impl Drive {
     pub(super) fn read_file(&mut self, scenario: &str) -> Result<(), InputError> {
         let Some(file) = &self.file else { return Ok(()) };
         if !self.samples.is_empty() {
-            let what = "a drive has samples or a file with them";
-            return Err(InputError::at("drive.file", what, "leave out one"));
+            let what = "a drive has either samples or a file with them";
+            return Err(InputError::at("drive.file", what, "leave out one of them"));
         }
         let folder = Path::new(scenario).parent().unwrap_or(Path::new(""));
         let path = folder.join(file);

@@ -100,7 +100,7 @@ pub fn read_text(path: &Path, wanted: &str) -> Result<String, InputError> {
     if bytes.len() as u64 > LONGEST {
         return Err(wrong("has more than 16 MiB".to_owned()));
     }
-    String::from_utf8(bytes).map_err(|_| wrong("is no text in UTF-8".to_owned()))
+    String::from_utf8(bytes).map_err(|_| wrong("is not text in UTF-8".to_owned()))
 }
 
 /// A TOML file that knows the position of each of its keys.
@@ -192,7 +192,7 @@ impl<'a> TomlFile<'a> {
         let parsed = DeTable::parse(text).map_err(|error| {
             let what = format!("not TOML ({})", for_people(error.message()));
             let start = error.span().map_or(0, |span| span.start);
-            file.place_at(start, InputError::at("", what, "mend the line"))
+            file.place_at(start, InputError::at("", what, "correct the line"))
         });
         parsed.map(|_| file)
     }

@@ -5,7 +5,7 @@
 pub fn plain_words(message: &str) -> String {
     for (start, said) in [
         ("missing field `", "is missing"),
-        ("duplicate field `", "is there twice"),
+        ("duplicate field `", "occurs twice"),
     ] {
         let key = message
             .strip_prefix(start)
@@ -80,7 +80,7 @@ mod tests {
     /// Messages of serde, and the words for them.
     const MESSAGES: &str = r#"
 missing field `axis` => the key `axis` is missing
-duplicate field `axis` => the key `axis` is there twice
+duplicate field `axis` => the key `axis` occurs twice
 invalid type: string "fast", expected f64 => the text "fast", where a number belongs
 invalid value: integer `-3`, expected usize => the number -3, where a whole number, 0 or more, belongs
 invalid type: integer `8`, expected a sequence => the number 8, where a list belongs

@@ -156,7 +156,7 @@ impl<const P: usize> DualChain<P> {
     /// The scenario is out of range, or its contact forces are clipped, which have no smooth tangent.
     pub(super) fn new(scenario: &Scenario, parameters: &[Parameter]) -> Result<Self, InputError> {
         let model = Model::of(scenario)?;
-        let advice = "leave them out: there are tangents of a strike on Hertz' contacts";
+        let advice = "leave them out: only a strike on Hertz' contacts has tangents";
         let other = [
             (model.drive.is_some(), "chain", "a driven or vertical chain has"),
             (

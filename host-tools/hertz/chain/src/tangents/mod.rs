@@ -91,7 +91,7 @@ pub fn tangents<const P: usize>(
     if parameters.len() > P {
         let count = parameters.len();
         return refuse(
-            format!("{count} parameters, and there is room for {P}"),
+            format!("{count} parameters are given, but there is only room for {P}"),
             "give fewer",
         );
     }
@@ -107,11 +107,14 @@ pub fn tangents<const P: usize>(
             SensorPlace::Acceleration(bead) => ((1..bodies).contains(&bead), bead),
         };
         if !is_there {
-            return refuse(format!("no contact or bead {what}"), "give one of the chain");
+            return refuse(
+                format!("there is no contact or bead {what}"),
+                "give one of the chain",
+            );
         }
     }
     if let Some(push) = push.filter(|push| !(1..bodies).contains(&push.bead)) {
-        return refuse(format!("no bead {}", push.bead), "give one of the chain");
+        return refuse(format!("there is no bead {}", push.bead), "give one of the chain");
     }
     let steps = (duration / step).ceil() as usize;
     let signals = March::new(&chain, sensors, push, step).run(steps + 1);

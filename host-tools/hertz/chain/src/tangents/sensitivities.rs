@@ -55,7 +55,10 @@ pub fn sensitivities<const P: usize>(
 ) -> Result<Sensitivities<P>, SimulateError> {
     let clock = Instant::now();
     if parameters.len() > P {
-        let what = format!("{} parameters, and there is room for {P}", parameters.len());
+        let what = format!(
+            "{} parameters are given, but there is only room for {P}",
+            parameters.len()
+        );
         return Err(InputError::at("", what, "give fewer").into());
     }
     let end = options.end(scenario)?;

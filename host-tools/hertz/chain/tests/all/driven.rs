@@ -319,7 +319,7 @@ fn a_load_that_presses_a_body_flat_and_a_drive_too_fast_for_its_samples_are_refu
     let mut pressed = driven(chirp.clone());
     pressed.chain.precompression = 1e8;
     let line = Model::of(&pressed).expect_err("it is flat").to_string();
-    let words = "chain.precompression: a load of 1.000e8 N overlaps the bodies of contact 1 by ";
+    let words = "chain.precompression: a load of 1.000e8 N presses the bodies of contact 1 together by ";
     says(&line, words, "");
     (chirp.frequency_end, chirp.sweep) = (Some(4000.0), Some(0.01));
     chirp.check_rate(8000.0).expect("two samples a period");

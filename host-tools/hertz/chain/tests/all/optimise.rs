@@ -283,8 +283,7 @@ fn a_strike_that_gives_no_energy_is_refused_and_says_why() {
     let mut scenario = strike();
     scenario.starts = vec![Start::apart([1], 1e-3)];
     scenario.duration = 1e-3;
-    let expected =
-        "duration: after 1.000e-3 s at 0.45 m/s the striker has given no energy; let the run be longer";
+    let expected = "duration: after 1.000e-3 s at 0.45 m/s the striker has given the chain no energy; give the run more time";
     let search = Search::new(&scenario, vec![8], 0.006).expect("it can be searched");
     let error = optimise(&scenario, &search, None).expect_err("it has no energy");
     assert_eq!(error.to_string(), expected);
@@ -416,7 +415,7 @@ fn a_search_that_cannot_be_meant_is_refused_in_one_line() {
         (&[7, 8], 0.11, "total_mass", "less than 0.102"),
     ];
     type Change = fn(&mut Search);
-    let constant = "makes an intruder with a time constant of ";
+    let constant = "gives an intruder a time constant of ";
     let changed: [(Change, &str, &str); 22] = [
         (|one| one.hosts.clear(), "hosts", "at least one"),
         (|one| one.total_mass = -1.0, "total_mass", "above zero"),
@@ -733,10 +732,10 @@ fn a_catalogue_that_is_none_is_refused_in_one_line() {
 
 /// Texts with `; ` between lines, and a part of the error of each.
 const NO_CATALOGUES: &str = "\
-# nothing => c.toml:1: no spring is in it; add a [[spring]]
+# nothing => c.toml:1: it has no spring; add a [[spring]]
 [[spring]]; name = 'a' => the key `stiffness` is missing
 [[spring]]; name = 'a'; stiffness = -1.0 => c.toml:3: spring[1].stiffness: -1 is not a positive number
 [[spring]]; name = 'a'; stiffness = 1e5; strike = 1e-5 => c.toml:4: spring[1].strike: unknown key
-[[spring]]; name = 'a'; stiffness = 1e5; loss_factor = 2e3 => spring[1].loss_factor: 2000 is no loss factor
-[[spring]]; name = 'a'; stiffness = 1.0; loss_factor = 0.1; damping = 1.0 => spring[1].loss_factor: a spring has a damping or a loss factor
-[[spring]]; name = 'a'; stiffness = 1e5; [[spring]]; name = 'a'; stiffness = 1e5 => c.toml:5: spring[2].name: \"a\" is no name of its own";
+[[spring]]; name = 'a'; stiffness = 1e5; loss_factor = 2e3 => spring[1].loss_factor: 2000 is not a loss factor
+[[spring]]; name = 'a'; stiffness = 1.0; loss_factor = 0.1; damping = 1.0 => spring[1].loss_factor: a spring has either a damping or a loss factor
+[[spring]]; name = 'a'; stiffness = 1e5; [[spring]]; name = 'a'; stiffness = 1e5 => c.toml:5: spring[2].name: \"a\" is not a unique name on one line";

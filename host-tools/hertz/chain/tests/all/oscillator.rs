@@ -129,11 +129,11 @@ fn what_cannot_be_fitted_is_said() {
         let error = fit_response(points, mass).expect_err(said).to_string();
         assert!(error.starts_with(said), "{error}");
     };
-    let few = "the fit has 2 points and needs 3; measure more of them";
+    let few = "the fit has 2 points and needs 3; measure more points";
     say(&[(100.0, 1.0), (200.0, 1.1)], 3.7e-3, few);
-    let none = "the magnitude NaN is not what a fit can use; give a positive number";
+    let none = "a fit cannot use the magnitude NaN; give a positive number";
     say(&[(100.0, f64::NAN); 5], 3.7e-3, none);
-    say(&[(100.0, 1.0); 5], 0.0, "the mass 0 is not");
+    say(&[(100.0, 1.0); 5], 0.0, "a fit cannot use the mass 0;");
     let silent = Signal {
         start: 0.0,
         interval: 1e-5,

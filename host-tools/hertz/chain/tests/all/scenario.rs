@@ -61,13 +61,13 @@ beads = 16 => beads = 0 => 4: chain.beads: a chain of 0 beads cannot be simulate
 beads = 16 => beads = 100001 => 4: chain.beads: a chain of 100001 beads
 beads = 16 => beads = 9223372036854775807 => 4: chain.beads: a chain of 9223372036854775807 beads
 radius = 0.019 => radius = nan => 5: chain.radius: NaN is not a positive number; give a number above zero in m, such as 0.019
-radius = 0.019 => radius = 1e308 => 5: chain.radius: 1e308 is out of the range of sizes that are computed with; give a number from 1e-30 to 1e30, in SI units
+radius = 0.019 => radius = 1e308 => 5: chain.radius: 1e308 is out of the range of sizes that can be computed; give a number from 1e-30 to 1e30, in SI units
 relaxation = 4.2e-6 => relaxation = 1e-31 => 9: chain.relaxation: 1e-31 is out of the range
 density = 1775.0 => density = -1 => 6: chain.density: -1 is not a positive number; give
 young = 4.5e9 => young = 0.0 => 7: chain.young: 0 is not a positive number; give
-poisson = 0.44 => poisson = 0.51 => 8: chain.poisson: 0.51 is no Poisson's ratio; give a number above -1 and at most 0.5, such as 0.44
+poisson = 0.44 => poisson = 0.51 => 8: chain.poisson: 0.51 is not a Poisson's ratio; give a number above -1 and at most 0.5, such as 0.44
 poisson = 0.44 => poisson = 0.5 => sound
-poisson = 0.44 => poisson = -1.0 => 8: chain.poisson: -1 is no Poisson's ratio
+poisson = 0.44 => poisson = -1.0 => 8: chain.poisson: -1 is not a Poisson's ratio
 relaxation = 4.2e-6 => relaxation = -1.0 => 9: chain.relaxation: -1 is not zero or a positive number; give a time in s, such as 4.2e-6, or 0 for an elastic contact
 relaxation = 4.2e-6 => relaxation = 0.0 => sound
 relaxation = 4.2e-6 => relaxation = inf => 9: chain.relaxation: inf is not zero or a positive number
@@ -85,8 +85,8 @@ velocity = 0.45 => velocity = 0.45\nrelaxation = -1.0 => 17: striker.relaxation:
 mass = 3.7e-3 => mass = 0.0 => 19: intruder[1].mass: 0 is not
 3.95e5 => nan => 20: intruder[1].stiffness: NaN is not
 damping = 12.0 => damping = -1.0 => 21: intruder[1].damping: -1 is not zero or a positive number; give zero or more in N·s/m
-damping = 12.0 => damping = 12.0\ncubic_stiffness = inf => 22: intruder[1].cubic_stiffness: inf is no cubic stiffness; give
-contact_force = "printed" => contact_force = "printed"\ngravity = 9.81\n[[intruder]]\nbeads = 7\nmass = 1e-3\nstiffness = 1e5\ndamping = 1\ncubic_stiffness = 1e16 => 17: intruder[1].cubic_stiffness: a spring that is not linear is another one when a weight hangs from it; leave out
+damping = 12.0 => damping = 12.0\ncubic_stiffness = inf => 22: intruder[1].cubic_stiffness: inf is not a cubic stiffness; give
+contact_force = "printed" => contact_force = "printed"\ngravity = 9.81\n[[intruder]]\nbeads = 7\nmass = 1e-3\nstiffness = 1e5\ndamping = 1\ncubic_stiffness = 1e16 => 17: intruder[1].cubic_stiffness: the stiffness of a nonlinear spring changes when a weight hangs from it; leave out
 damping = 12.0 => damping = 12.0\ninside = 1 => 22: intruder[1].inside: intruder[1] does not come before intruder[1]; give
 + => [[intruder]]\nbeads = 9\nmass = 1e-3\nstiffness = 1e5\ndamping = 1\ninside = 1 => 27: intruder[2].inside: bead 9 holds no intruder[1] that could
 
@@ -94,53 +94,53 @@ damping = 12.0 => damping = 12.0\ninside = 1 => 22: intruder[1].inside: intruder
 + => [wall]\npoisson = 0.27 => 22: wall: the key `young` is missing; add it, in SI units
 + => [wall]\nyuong = 203e9\npoisson = 0.27 => 23: wall.yuong: unknown key; did you mean `young`?
 + => [wall]\nyoung = -203e9\npoisson = 0.27 => 23: wall.young: -203000000000 is not a positive number; give
-+ => [wall]\nyoung = 203e9\npoisson = 0.6 => 24: wall.poisson: 0.6 is no Poisson's ratio; give
++ => [wall]\nyoung = 203e9\npoisson = 0.6 => 24: wall.poisson: 0.6 is not a Poisson's ratio; give
 + => [wall]\nradius = 0.0\nyoung = 203e9\npoisson = 0.27 => 23: wall.radius: 0 is not a positive number; give a number above zero in m, such as 0.1; a flat wall has none
 + => [wall]\nrelaxation = -1.0\nyoung = 203e9\npoisson = 0.27 => 23: wall.relaxation: -1 is not zero or a positive
 
-mass = 3.7e-3 => mass = 0.051 => 19: intruder[1].mass: 0.051 kg is as heavy as its host, bead 8
-+ => [[section]]\nbeads = [8]\nradius = 0.0075 => 19: intruder[1].mass: 0.0037 kg is as heavy as its host, bead 8
+mass = 3.7e-3 => mass = 0.051 => 19: intruder[1].mass: 0.051 kg is at least as heavy as its host, bead 8
++ => [[section]]\nbeads = [8]\nradius = 0.0075 => 19: intruder[1].mass: 0.0037 kg is at least as heavy as its host, bead 8
 [8] => [17] => 18: intruder[1].beads: bead 17 is not in the chain; beads are counted from 1 to 16 (chain.beads)
 [8] => 17 => 18: intruder[1].beads: bead 17 is not in the chain; beads are counted from 1 to 16 (chain.beads)
 [8] => [0] => 18: intruder[1].beads: bead 0 is not in the chain
 [8] => [8, 1000000000000] => 18: intruder[1].beads: bead 1000000000000 is not in the chain
 [8] => [] => 18: intruder[1].beads: names no bead; name at least one from 1 to 16, or leave the table out
 [8] => [8, 9, 8] => 18: intruder[1].beads: bead 8 is named twice; name each bead once
-+ => [[intruder]]\nbeads = [7, 8]\nmass = 0.05\nstiffness = 1e5\ndamping = 1 => 24: intruder[2].mass: 0.05 kg, with the intruders before it, is as heavy as its host, bead 8
++ => [[intruder]]\nbeads = [7, 8]\nmass = 0.05\nstiffness = 1e5\ndamping = 1 => 24: intruder[2].mass: 0.05 kg, with the intruders before it, is at least as heavy as its host, bead 8
 + => [[section]]\nbeads = 3\nradius = 0.01\n[[section]]\nbeads = [4, 3] => 26: section[2].beads: bead 3 is already in section[1]; put
 + => [[section]]\nbeads = [3, 4]\nradius = -0.01 => 24: section[1].radius: -0.01 is not a positive number
 + => [[section]]\nbeads = 3\ndensity = 0.0 => 24: section[1].density: 0 is not a positive number
 + => [[section]]\nbeads = 3\nyoung = nan => 24: section[1].young: NaN is not a positive number
-+ => [[section]]\nbeads = 3\npoisson = nan => 24: section[1].poisson: NaN is no Poisson's ratio
++ => [[section]]\nbeads = 3\npoisson = nan => 24: section[1].poisson: NaN is not a Poisson's ratio
 + => [[section]]\nbeads = 3\nrelaxation = nan => 24: section[1].relaxation: NaN is not zero or a positive number
 
 + => [[start]]\nbeads = [17]\ngap = 1e-6 => 23: start[1].beads: bead 17 is not in the chain
 + => [[intruder]]\nbeads = 8\nmass = 1e-3\nstiffness = 1e5\ndamping = 1\ncubic_stiffness = -1e18\n[[intruder]]\nbeads = 8\nmass = 1e-3\nstiffness = 1e5\ndamping = 1\n[[start]]\nbeads = [8]\nintruder_displacement = -1e-6 => 35: start[1].intruder_displacement: at -0.000001 m the softening spring in bead 8
 + => [[start]]\nbeads = []\ngap = 1e-6 => 23: start[1].beads: names no bead
 + => [[start]]\nbeads = [3]\ngap = -1e-6 => 24: start[1].gap: -0.000001 is not zero or a positive
-+ => [[start]]\nbeads = [3]\nvelocity = inf => 24: start[1].velocity: inf is no velocity
++ => [[start]]\nbeads = [3]\nvelocity = inf => 24: start[1].velocity: inf is not a velocity
 + => [[start]]\nbeads = [3]\ngap = 1e-6\n[[start]]\nbeads = [3]\nvelocity = 0.1 => 26: start[2].beads: bead 3 is already in start[1]
 + => [[start]]\nbeads = [3]\nspeed = 0.1 => 24: start[1].speed: unknown key; known here
-+ => [[start]]\nbeads = [3]\nintruder_velocity = 0.1 => 23: start[1].beads: bead 3 has no intruder that could begin so; name
-+ => [[start]]\nbeads = [3]\ndisplacement = inf => 24: start[1].displacement: inf is no displacement; give
++ => [[start]]\nbeads = [3]\nintruder_velocity = 0.1 => 23: start[1].beads: bead 3 has no intruder that could start displaced or moving; name
++ => [[start]]\nbeads = [3]\ndisplacement = inf => 24: start[1].displacement: inf is not a displacement; give
 contact_force = "printed" => contact_force = "printed"\nprecompression = 1.0\n[[start]]\nbeads = 4\ngap = 1e-6 => 14: start[1].gap: a gap of 0.000001 m cannot be in a chain under a load of 1 N; leave out the gap or chain.precompression
 contact_force = "printed" => contact_force = "printed"\ngravity = 9.81\n[[start]]\nbeads = 4\ngap = 1e-6 => 14: start[1].gap: a gap of 0.000001 m cannot be in a vertical chain at rest; leave out the gap or chain.gravity
 + => [wall]\nyoung = 1e9\npoisson = 0.3\ngap = -1.0 => 25: wall.gap: -1 is not zero
 
 + => [drive]\nquantity = "force"\nfrequency = 1500.0 => 16: striker.velocity: a body that a drive moves cannot strike at 0.45 m/s; give
-velocity = 0.45 => velocity = 0.0\n[drive]\nquantity = "displacement"\namplitude = nan => 19: drive.amplitude: NaN is no amplitude; give a number in m
+velocity = 0.45 => velocity = 0.0\n[drive]\nquantity = "displacement"\namplitude = nan => 19: drive.amplitude: NaN is not an amplitude; give a number in m
 velocity = 0.45 => velocity = 0.0\n[drive]\nquantity = "force"\nfrequency = 0.0 => 19: drive.frequency: 0 is not a positive number; give
 velocity = 0.45 => velocity = 0.0\n[drive]\nquantity = "force" => 17: drive.frequency: the drive has no signal; give
 velocity = 0.45 => velocity = 0.0\n[drive]\nquantity = "force"\nfrequency = 9.0\nsweep = 0.1 => 20: drive.sweep: frequency_end and sweep belong together; give
-velocity = 0.45 => velocity = 0.0\n[drive]\nquantity = "force"\nfrequency = 9.0\nsamples = [[0.0, 0.0]] => 19: drive.frequency: a drive is a sine or a record; leave
+velocity = 0.45 => velocity = 0.0\n[drive]\nquantity = "force"\nfrequency = 9.0\nsamples = [[0.0, 0.0]] => 19: drive.frequency: a drive is either a sine or a record; leave
 velocity = 0.45 => velocity = 0.0\n[drive]\nquantity = "force"\nsamples = [[0.0, 0.0], [1.0, 0.0], [1.0, 0.0]] => 19: drive.samples: the time of sample 3 is not after that before it; sort
 
-+ => [contact]\nexponent = 0.5 => 23: contact.exponent: 0.5 is no exponent of a contact; give
++ => [contact]\nexponent = 0.5 => 23: contact.exponent: 0.5 is not an exponent of a contact; give
 + => [contact]\nexponent = 3.0\nstiffness = 0.0 => 24: contact.stiffness: 0 is not a positive number; give
 + => [contact]\nexponent = 3.0 => 22: contact.stiffness: materials give a stiffness for the exponent 1.5 only; give
-+ => [contact]\ncoefficient = 1.0 => 23: contact.coefficient: viscoelastic damping has the relaxation times of the materials; leave
++ => [contact]\ncoefficient = 1.0 => 23: contact.coefficient: viscoelastic damping follows from the relaxation times of the materials; leave
 + => [contact]\ndamping_exponent = 0.5 => 23: contact.damping_exponent: it belongs to damping = "power", and
-+ => [contact]\nfriction = 1.0 => 23: contact.friction: 1 is no coefficient of friction; give
++ => [contact]\nfriction = 1.0 => 23: contact.friction: 1 is not a coefficient of friction; give
 + => [contact]\nfriction_speed = 0.0 => 23: contact.friction_speed: 0 is not a positive number; give
 contact_force = "printed" => contact_force = "clipped"\n[contact]\nfriction = 0.1 => 10: chain.contact_force: only Hertz' contacts with a damping of the exponent 1/2, without friction, can be clipped; leave
 "#;
@@ -297,7 +297,7 @@ fn a_run_that_no_memory_holds_or_of_more_than_a_day_is_refused_before_it_starts(
     scenario.duration = 1e4;
     let error = simulate(&scenario).expect_err("hours");
     assert_eq!(error, SimulateError::TooLong { time: 0.0, end: 1e4 });
-    assert!(error.to_string().contains("the summary alone"), "{error}");
+    assert!(error.to_string().contains("only for the summary"), "{error}");
     let changes: [fn(&mut Scenario); 3] = [
         |one| one.duration = 1e12,
         |one| one.duration = 1e30,

@@ -239,7 +239,7 @@ fn what_has_no_derivatives_is_refused() {
         let found = sensitivities::<1>(scenario, parameters, &Options::default());
         found.expect_err("it has none").to_string()
     };
-    assert!(refused(&scenario, &FIVE).contains("5 parameters, and there is room for 1"));
+    assert!(refused(&scenario, &FIVE).contains("5 parameters are given, but there is only room for 1"));
     scenario.chain.contact_force = ContactForce::Clipped;
     assert!(refused(&scenario, &FIVE[..1]).contains("clipped forces have no tangents"));
     type Change = fn(&mut Scenario);

@@ -70,7 +70,7 @@ pub(super) fn follow(
             "the branch has {} and goes on; give more --points",
             count(options.points as u64, "point")
         ),
-        BranchEnd::Lost => note!("the branch is lost: no motion was found in steps however short"),
+        BranchEnd::Lost => note!("the branch is lost: no motion was found even with the shortest steps"),
         _ => {}
     }
     Ok(BranchReport {
@@ -133,7 +133,7 @@ impl BranchReport {
             let motion = &point.motion;
             let here = match point.bifurcation {
                 Some(bifurcation) => bifurcation,
-                None if n == 0 => "begin",
+                None if n == 0 => "start",
                 None => "end",
             };
             [
@@ -145,7 +145,7 @@ impl BranchReport {
             ]
         });
         let header = format!(
-            "{} | there | stable | greatest multiplier | greatest force (N)",
+            "{} | point | stable | greatest multiplier | greatest force (N)",
             self.label()
         );
         let table = output::table(&header, rows);

@@ -10,13 +10,13 @@ use self::motion::{Motion, Multiplier, unit_of_amplitude};
 use bead_console::prelude::*;
 
 const AFTER_HELP: &str = "\
-The scenario is driven by a sine. A motion that repeats with each of its periods is found by Newton's method \
-from the chain at rest, stable or not. Its Floquet multipliers say what a small disturbance is multiplied by in \
+The scenario is driven by a sine. Newton's method, begun from the chain at rest, finds a motion that repeats \
+with each period of the sine, stable or not. Its Floquet multipliers say what a small disturbance is multiplied by in \
 a period: the motion is stable if none is outside the unit circle.
 
 --along follows the motion as the amplitude (m, or N) or the frequency (Hz) of the drive goes from the \
-scenario's value to --to, around folds too: there the branch turns back, and two motions meet and vanish. It \
-ends at --to, or where it turned back to --back.
+scenario's value to --to, around folds too: there the branch turns back, and two motions meet and vanish. The \
+branch ends at --to, or at --back after it has turned back.
 
 Examples:
   bead periodic docs/scenarios/driven-trimer.toml
@@ -40,7 +40,7 @@ pub struct Arguments {
     /// Value at which a branch that turned back ends [default: the scenario's].
     #[arg(long, value_name = "VALUE", value_parser = positive, requires = "along")]
     back: Option<f64>,
-    /// Most points of the branch.
+    /// Greatest number of points of the branch.
     #[arg(long, value_name = "N", default_value_t = 400, requires = "along")]
     points: usize,
     /// Write the branch to this CSV file, a row for each point, units in the column names.

@@ -26,7 +26,7 @@ plans! {
     "3a": "motion of host and intruder, k = 10³ N/m"; SETTING => |lab| motion(lab, 0),
     "3b": "motion of host and intruder, k = 10⁵ N/m"; SETTING => |lab| motion(lab, 1),
     "3c": "motion of host and intruder, k = 10⁷ N/m"; SETTING => |lab| motion(lab, 2),
-    "3d": "energy of the chain for three stiffnesses, and what of the striker's energy enters it";
+    "3d": "energy of the chain for three stiffnesses, and the share of the striker's energy that enters it";
         "38 beads, τ = 0, no intruder and k = 10³, 10⁵, 10⁷ N/m in bead 8; E_T as printed, with M for the host"
         => energy,
     "3e": "spectrum of the incident pulse over the intruder's responses";

@@ -76,7 +76,7 @@ fn over_the_run(lab: &Lab) -> Result<Figure, Error> {
     let falls: Vec<f64> = lasts.iter().map(|part| 1.0 / part).collect();
     let checks = checks![
         "energy of the chain without intruders", "µJ": whole => close(65.38903, 1e-4);
-        "each more intruders leave less: least factor": least_growth(&falls) => at_least(1.04);
+        "more intruders leave less energy: least factor": least_growth(&falls) => at_least(1.04);
         "left by ten intruders", "%":
             100.0 * lasts[4] => near(62.46, 0.01), paper "ten intruders are enough to absorb the energy";
     ];

@@ -70,7 +70,7 @@ fn still(lab: &Lab, which: usize) -> Result<Figure, Error> {
     let (main, second) = first_and_second(&behind);
     let checks = match which {
         0 => checks![
-            "pulses of over a twentieth at contact 26": behind.len() as f64 => near(1.0, 0.0);
+            "pulses of at least a twentieth of the strongest at contact 26": behind.len() as f64 => near(1.0, 0.0);
             "main wave at contact 26", "N": main => at_least(7.8);
         ],
         1 => {
@@ -81,7 +81,7 @@ fn still(lab: &Lab, which: usize) -> Result<Figure, Error> {
             ]
         }
         _ => checks![
-            "pulses of over a twentieth at contact 26": behind.len() as f64 => at_least(4.0);
+            "pulses of at least a twentieth of the strongest at contact 26": behind.len() as f64 => at_least(4.0);
             "secondary over main wave at contact 26": second / main => at_least(1.1);
         ],
     };

@@ -18,7 +18,7 @@ use crate::plan::{Figure, plans};
 
 plans! {
     "periodic": "motions of a shaken chain that repeat, against the amplitude of its end, and three at one amplitude";
-        "21 beads of steel, tungsten carbide, steel and again, radius 9.525 mm, τ 0.25 µs, 10 N; the end moves at 6.2 kHz, in a gap"
+        "21 beads in cells of steel, tungsten carbide, steel, radius 9.525 mm, τ 0.25 µs, 10 N; the end moves at 6.2 kHz, in a gap"
         => periodic,
 }
 
@@ -160,7 +160,7 @@ fn periodic(_: &Lab) -> Result<Figure, Error> {
     let fold = |n: usize| folds.get(n).map_or(f64::NAN, |fold| fold.0);
     let checks = checks![
         "end of the band below the drive", "Hz": gap.0 => close(6042.16321, 1e-8);
-        "begin of the band above the drive", "Hz": gap.1 => close(6714.97432, 1e-8);
+        "start of the band above the drive", "Hz": gap.1 => close(6714.97432, 1e-8);
         "amplitude at which driven state and surface mode meet", "nm": fold(0) => close(28.487540733, 1e-8);
         "amplitude below which there is no surface mode", "nm": fold(1) => close(22.6369, 1e-5);
         "distance of a multiplier from 1 at the folds, greatest": at_folds => at_most(1e-6);
