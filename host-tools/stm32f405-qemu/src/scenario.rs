@@ -378,7 +378,11 @@ impl File {
             source.check_order(&button.pressed)?;
             let lasts = button.lasts.get_ref().0;
             let overlap = |pair: &[Time]| pair[1].0 - pair[0].0 <= lasts;
-            if lasts == 0 || button.pressed.get_ref().windows(2).any(overlap) {
+            if lasts == 0 {
+                let what = "the button must be pressed for a time above 0";
+                return Err(source.error(button.lasts.span(), what));
+            }
+            if button.pressed.get_ref().windows(2).any(overlap) {
                 let what = "the button is not released before it is pressed again";
                 return Err(source.error(button.lasts.span(), what));
             }

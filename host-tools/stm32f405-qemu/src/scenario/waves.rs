@@ -159,9 +159,7 @@ fn period(times: &[f64]) -> Result<Option<u64>, String> {
     let period = (last - first) / (times.len() - 1) as f64;
     let odd = |pair: &[f64]| (pair[1] - pair[0] - period).abs() > 0.1 * period;
     if period <= 0.0 || times.windows(2).any(odd) {
-        return Err(
-            "the times (column t) are not evenly spaced: give a file with even steps, or a period".into(),
-        );
+        return Err("the times (column t) are not evenly spaced: give a file with even steps".into());
     }
     Ok(Some((period * 1e9).round() as u64))
 }

@@ -9,6 +9,7 @@ use bead_compare::reference::{AgainstReference, compare};
 use bead_compare::reference_report::ComparedReference;
 use bead_compare::replay::replay;
 use bead_recording::file::Part;
+use bead_tables::printable::count;
 
 /// Correlation below which a note asks whether it is the same strike.
 const LITTLE: f64 = 0.5;
@@ -59,7 +60,8 @@ pub(super) fn run(
             (0, _) => return Err(received.no_strike(strikes.frames()).into()),
             (all, Some(wanted)) => bail!(
                 Input,
-                "--strike {wanted}: {path} has {all} strikes, counted from 0"
+                "--strike {wanted}: {path} has {}, counted from 0",
+                count(all as u64, "strike")
             ),
             (_, None) => bail!(Input, "{path} has no strike with all of its samples"),
         }

@@ -2,6 +2,7 @@
 
 use bead_calibrate::drop::{DropInputs, DropSeries, evaluate};
 use bead_calibrate::simulated::drop::DropRig;
+use bead_tables::printable::count;
 
 use crate::cli::commands::calibrate::arguments::DropArguments;
 use crate::cli::commands::calibrate::finish::Prepared;
@@ -45,7 +46,9 @@ fn stated(arguments: &DropArguments) -> Result<DropInputs, Failure> {
     if recordings > 0 && recordings != heights && !is_one_for_all {
         bail!(
             Input,
-            "{recordings} recordings and {heights} heights: give --height once for each, in the order of the recordings"
+            "{} and {}: give --height once for each, in the order of the recordings",
+            count(recordings as u64, "recording"),
+            count(heights as u64, "height")
         );
     }
     Ok(DropInputs {
