@@ -666,7 +666,7 @@ mod tests {
         }
     }
 
-    const SPURIOUS: &str = "and nothing provoked it";
+    const SPURIOUS: &str = "but nothing provoked it";
     const MISSING: &str = "was not reported";
 
     #[test]
@@ -675,7 +675,7 @@ mod tests {
         let [good, twice, late] = [0.513, 0.514, 0.8].map(|at| (at, AdcOverrun, ""));
         assert_wrong(fault, &[], &[good], &[]);
         assert_wrong(fault, &[], &[], &["adc_overrun, due between 0.5000 and"]);
-        let part = "was reported at 0.5140 s, and nothing provoked it";
+        let part = "was reported at 0.5140 s, but nothing provoked it";
         assert_wrong(fault, &[], &[good, twice], &[part]);
         assert_wrong(fault, &[], &[late], &[MISSING, SPURIOUS]);
         assert_wrong(fault, &[], &[good, (0.513, Panic, "")], &["panic"]);

@@ -134,7 +134,7 @@ mod tests {
         for (codes, why) in [
             (&[128.0; 672][..], "missed the cap"),
             (&window(2000.0)[..340], "has not ended"),
-            (&[128.0; 60], "is shorter than the quiet"),
+            (&[128.0; 60], "too short to hold the quiet"),
         ] {
             assert!(pulse(codes, 0).unwrap_err().contains(why), "{why}");
         }

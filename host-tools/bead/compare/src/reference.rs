@@ -419,6 +419,6 @@ mod tests {
         // Nothing is known of the missing time.
         let mut lossy = recorded_strike();
         lossy.scans.truncate(100);
-        assert!(compare(&lossy, &strange).err().unwrap().contains("misses"));
+        assert!(compare(&lossy, &strange).err().unwrap().contains("lacks"));
     }
 }

@@ -330,7 +330,7 @@ mod tests {
         heavier.mass *= 1.2;
         mixed.intruders.push(heavier);
         let (narrow, wider) = ("3.9 samples wide", Some(8.3e-3));
-        let (pressed, another) = ("pressed together by 2 N", "bead 9 holds another intruder");
+        let (pressed, another) = ("under a load of 2 N", "bead 9 has another kind of intruder");
         for (scenario, bead, notes, goals) in [
             (&Scenario::paper(), 8, &[][..], [Some(2e-3), Some(5e-3)]),
             (&light, 6, &[narrow], [wider, Some(3.1e-2)]),

@@ -130,7 +130,7 @@ mod tests {
             assert!(read(odd).unwrap_err().contains("names no beads"), "{odd}");
         }
         assert_eq!(read("9-7"), Err("9-7 counts down; give 7-9".to_owned()));
-        assert!(one_bead("7-9").is_err_and(|why| why.contains("one number")));
+        assert!(one_bead("7-9").is_err_and(|why| why.contains("not a single number")));
     }
 
     #[test]

@@ -274,11 +274,7 @@ fn another_part_a_locked_one_or_another_board_s_image_is_told_before_anything_is
     for (loader, status, why) in [
         (&mut part, 2, "the part is 0x421 (STM32F446"),
         (&mut locked, 3, "refuses Read Memory: the part is locked"),
-        (
-            &mut other,
-            2,
-            "the image for 9.8.7 (0123456789ab) for olimex-h405",
-        ),
+        (&mut other, 2, "the image 9.8.7 (0123456789ab) for olimex-h405"),
     ] {
         refused(&flash(&folder, "", loader), status, why);
         assert!(loader.erased.is_empty());

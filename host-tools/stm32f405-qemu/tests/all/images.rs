@@ -446,7 +446,7 @@ fn the_program_ends_with_a_status_for_each_end_of_an_image() {
             "logs",
             &["--uart", "USART9=stdout"],
             2,
-            "USART9 is none of USART1",
+            "USART9 is not a UART; give one of USART1",
         ),
         (
             "polls",

@@ -291,7 +291,7 @@ mod tests {
         damping = 12.0 | damping = -12.0 | intruder.damping: -12 is out of range
         damping = 12.0 | damping = \"x\" | intruder.damping: the text
         damping = 12.0 | # | intruder: the key `damping` is missing
-        \"left\" | \"a name that is too long\" | name: `a name that is too long` is no name
+        \"left\" | \"a name that is too long\" | name: `a name that is too long` is not a name
         address = 3 | address = 255 | address: 255 is
         pole = 40000.0 | pole = -1.0 | force.pole: -1 is out of range; give 0 for no filter, or a value that is positive
         history = 0.0016 | history = 0.01 | capture.history: 0.01 is longer than 256 samples; give 1.28e-3 to 2.56e-3 s
@@ -333,7 +333,7 @@ mod tests {
         }
         let long = refused("\"left\"", &format!("\"{}\"", "µ".repeat(100_000)));
         let (at, begin) = (line("name ="), "µ".repeat(32));
-        let expected = format!("bead.toml:{at}: name: `{begin}…` is no name");
+        let expected = format!("bead.toml:{at}: name: `{begin}…` is not a name");
         assert!(long.starts_with(&expected) && long.len() < 200, "{long}");
         for wrong in
             "k|k=much|x=3|address=300|address=1.5|k=nan|k=unknown|uncertainty.damping=x|=3|".split('|')
