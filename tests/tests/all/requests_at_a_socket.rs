@@ -289,7 +289,7 @@ fn an_image_is_flashed_over_the_line_refused_and_taken_back_from_the_command_lin
                 "pyboard-1.1",
                 "0.1.0",
                 &DEVELOPMENT_SEED,
-                "for pyboard-1.1, this is stm32f405rg",
+                "for pyboard-1.1, but this board is stm32f405rg",
             ),
             (BOARD, "0.0.9", &DEVELOPMENT_SEED, "0.0.9, older than 0.1.0"),
             (BOARD, "0.1.0", &[7; 32], "not signed with the key"),
