@@ -298,19 +298,17 @@ mod tests {
     }
 
     #[test]
-    fn a_shape_of_the_first_images_has_no_group_that_came_later() {
-        let shape = Message::draw(Kind::Shape, &mut || 0);
-        let mut body = [0; MAX_BODY];
-        let length = shape.encode(&mut body).unwrap();
-        let first = length - Shape::GAINED;
-        assert_eq!(read(Kind::Shape as u8, &body[..length], false), Ok(shape.clone()));
-        assert_eq!(read(Kind::Shape as u8, &body[..first], false), Ok(shape));
-        for cut in [first - 1, first + 1] {
-            assert_eq!(
-                read(Kind::Shape as u8, &body[..cut], false),
-                Err(Cause::Body),
-                "{cut}"
-            );
+    fn bodies_of_the_first_images_lack_what_their_kind_gained_later() {
+        for (kind, gained) in [(Kind::Guard, Guard::GAINED), (Kind::Shape, Shape::GAINED)] {
+            let message = Message::draw(kind, &mut || 0);
+            let mut body = [0; MAX_BODY];
+            let length = message.encode(&mut body).unwrap();
+            let first = length - gained;
+            for end in first - 1..=length {
+                let is_whole = [first, length].contains(&end);
+                let expected = is_whole.then_some(message.clone()).ok_or(Cause::Body);
+                assert_eq!(read(kind as u8, &body[..end], false), expected, "{kind:?} {end}");
+            }
         }
     }
 
